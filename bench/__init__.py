@@ -1,0 +1,1 @@
+"""The harness: memory, cost per frame and quality of every system on the same data."""

@@ -1,0 +1,1 @@
+"""The classical motion-matching engine: database, search, stages, controller."""

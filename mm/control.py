@@ -1,0 +1,73 @@
+"""What a user asks of a character, and the protocol of every system that obeys."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motion.pose import Poses
+from motion.skeleton import Skeleton
+
+
+@dataclass(eq=False)
+class Command:
+    """What N characters are asked to do at one instant, in the world's ground plane.
+
+    Attributes
+    ----------
+    velocity : float32 [N, 2], desired velocity x, z, m/s.
+    yaw : float32 [N], desired facing, radians; 0 faces +Z, pi/2 faces +X.
+    turn_rate : float32 [N], rad/s at which the two above are expected to turn (the camera's rate).
+    required_tags, forbidden_tags : uint32 [N], tag bits that a matched frame must, must not bear.
+    """
+
+    velocity: NDArray[np.float32]
+    yaw: NDArray[np.float32]
+    turn_rate: NDArray[np.float32]
+    required_tags: NDArray[np.uint32]
+    forbidden_tags: NDArray[np.uint32]
+
+    def __len__(self) -> int:
+        return len(self.velocity)
+
+    @staticmethod
+    def still(count: int) -> Command:
+        """count commands to stand, facing +Z."""
+        return Command(
+            np.zeros((count, 2), np.float32),
+            np.zeros(count, np.float32),
+            np.zeros(count, np.float32),
+            np.zeros(count, np.uint32),
+            np.zeros(count, np.uint32),
+        )
+
+
+class System(Protocol):
+    """Anything that drives N characters: motion matching, LMM, mixtures of their stages, PFNN, MANN.
+
+    A system runs at its own rate; a host with another refresh rate steps it at that rate and interpolates.
+    """
+
+    name: str
+    skeleton: Skeleton
+    fps: float
+    count: int
+
+    def reset(self, positions: NDArray[np.float32], yaws: NDArray[np.float32]) -> None:
+        """Put N characters at positions [N, 2] (x, z), facing yaws [N], at rest."""
+        ...
+
+    def step(self, command: Command) -> Poses:
+        """Advance one frame, 1 / fps; returns N poses, joint 0 in the world, valid until the next step."""
+        ...
+
+    def record(self) -> dict[str, NDArray]:
+        """What the last step did, arrays with leading axis N (see `mm.recording`)."""
+        ...
+
+    def memory(self) -> dict[str, int]:
+        """Bytes by part."""
+        ...

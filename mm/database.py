@@ -1,0 +1,129 @@
+"""The motion database: every frame's pose, contacts, features and tags, in one memory-mapped file."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+
+import numpy as np
+from features.schema import Schema
+from numpy.typing import NDArray
+
+from motion import files
+from motion.pose import Poses
+from motion.skeleton import Skeleton
+
+KIND, VERSION = "motion database", 1
+
+
+@dataclass(eq=False)
+class Database:
+    """T frames in R ranges (clips, mirrored copies included), at one frame rate, on one skeleton.
+
+    Attributes
+    ----------
+    skeleton : J joints, joint 0 the ground root.
+    fps : frames per second.
+    schema : what the feature columns are.
+    poses : [T, J, ...]; joint 0 is the ground root in the clip's world.
+    contacts : uint8 [T, C], 1 where the joint of contact_roles touches the ground.
+    contact_roles : C roles, left before right.
+    features : float32 [T, F], normalised and weighted: (raw - offset) / scale.
+    offset, scale : float32 [F].
+    starts, stops : int32 [R], first frame of each range and one past its last.
+    names : R clip names; a mirrored copy bears its original's name.
+    mirrored : bool [R].
+    tags : uint32 [T], bit b set where the frame bears tag_names[b].
+    tag_names : at most 32 names.
+    fingerprint : hash of all of it, as stored.
+    """
+
+    skeleton: Skeleton
+    fps: float
+    schema: Schema
+    poses: Poses
+    contacts: NDArray[np.uint8]
+    contact_roles: tuple[str, ...]
+    features: NDArray[np.float32]
+    offset: NDArray[np.float32]
+    scale: NDArray[np.float32]
+    starts: NDArray[np.int32]
+    stops: NDArray[np.int32]
+    names: tuple[str, ...]
+    mirrored: NDArray[np.bool_]
+    tags: NDArray[np.uint32]
+    tag_names: tuple[str, ...] = ()
+    fingerprint: str = field(default="")
+
+    def __len__(self) -> int:
+        return len(self.features)
+
+    @property
+    def seconds(self) -> float:
+        return len(self) / self.fps
+
+    def ranges(self) -> NDArray[np.int32]:
+        """Range index of every frame, int32 [T]."""
+        return np.repeat(np.arange(len(self.starts), dtype=np.int32), self.stops - self.starts)
+
+    def tag_mask(self, names: tuple[str, ...] | list[str]) -> int:
+        """Bit mask of tag names; an unknown one is a UserError that lists those known."""
+        from motion.errors import UserError
+
+        mask = 0
+        for name in names:
+            if name not in self.tag_names:
+                raise UserError(
+                    f"no tag {name!r}", remedy=f"the database's tags are {', '.join(self.tag_names) or 'none'}"
+                )
+            mask |= 1 << self.tag_names.index(name)
+        return mask
+
+    def memory(self) -> dict[str, int]:
+        """Bytes by part."""
+        parts = {name: array.nbytes for name, array in self.poses.arrays().items()}
+        return parts | {
+            "contacts": self.contacts.nbytes,
+            "features": self.features.nbytes + self.offset.nbytes + self.scale.nbytes,
+            "ranges": self.starts.nbytes + self.stops.nbytes,
+            "tags": self.tags.nbytes,
+        }
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write atomically; sets and stores the fingerprint."""
+        metadata = {
+            "skeleton": self.skeleton.to_json(),
+            "fps": self.fps,
+            "schema": self.schema.to_dict(),
+            "contact_roles": list(self.contact_roles),
+            "names": list(self.names),
+            "tag_names": list(self.tag_names),
+        }
+        arrays = self.poses.arrays() | {
+            "contacts": self.contacts,
+            "features": self.features,
+            "offset": self.offset,
+            "scale": self.scale,
+            "starts": self.starts,
+            "stops": self.stops,
+            "mirrored": self.mirrored,
+            "tags": self.tags,
+        }
+        self.fingerprint = files.save(path, KIND, VERSION, metadata, arrays)
+
+    @staticmethod
+    def load(path: str | os.PathLike[str]) -> Database:
+        """Read a database, memory-mapped and read-only. Errors: see `motion.files.load`."""
+        metadata, arrays, fingerprint = files.load(path, KIND, VERSION)
+        poses = Poses(*(arrays.pop(name) for name in Poses.empty(0, 1).arrays()))
+        return Database(
+            skeleton=Skeleton.from_json(metadata["skeleton"]),
+            fps=metadata["fps"],
+            schema=Schema.from_dict(metadata["schema"]),
+            poses=poses,
+            contact_roles=tuple(metadata["contact_roles"]),
+            names=tuple(metadata["names"]),
+            tag_names=tuple(metadata["tag_names"]),
+            fingerprint=fingerprint,
+            **arrays,
+        )

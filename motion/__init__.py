@@ -1,0 +1,1 @@
+"""What a motion is, where it comes from, and what is done to it."""

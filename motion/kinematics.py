@@ -1,0 +1,93 @@
+"""Forward kinematics, and velocities by central differences."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import quat
+from .skeleton import Skeleton
+
+Array = NDArray[np.floating]
+
+
+def forward(skeleton: Skeleton, positions: Array, rotations: Array) -> tuple[Array, Array]:
+    """World transforms from local ones, level by level of the hierarchy.
+
+    positions [..., J, 3] metres, rotations [..., J, 4]; returns the same shapes.
+    """
+    world_pos, world_rot = positions.copy(), rotations.copy()
+    for joints in skeleton.levels()[1:]:
+        parent_rot = world_rot[..., skeleton.parents[joints], :]
+        world_rot[..., joints, :] = quat.mul(parent_rot, rotations[..., joints, :])
+        world_pos[..., joints, :] = world_pos[..., skeleton.parents[joints], :] + quat.rotate(
+            parent_rot, positions[..., joints, :]
+        )
+    return world_pos, world_rot
+
+
+def forward_velocities(
+    skeleton: Skeleton, positions: Array, rotations: Array, velocities: Array, angular: Array
+) -> tuple[Array, Array, Array, Array]:
+    """World transforms and their velocities from local ones.
+
+    velocities [..., J, 3] m/s and angular [..., J, 3] rad/s are in the parent's frame. Returns world
+    positions, rotations, velocities and angular velocities.
+
+        v_j = v_p + R_p v_j' + w_p x R_p x_j',   w_j = w_p + R_p w_j'
+    """
+    world_pos, world_rot = positions.copy(), rotations.copy()
+    world_vel, world_ang = velocities.copy(), angular.copy()
+    for joints in skeleton.levels()[1:]:
+        parents = skeleton.parents[joints]
+        parent_rot, parent_ang = world_rot[..., parents, :], world_ang[..., parents, :]
+        arm = quat.rotate(parent_rot, positions[..., joints, :])
+        world_pos[..., joints, :] = world_pos[..., parents, :] + arm
+        world_rot[..., joints, :] = quat.mul(parent_rot, rotations[..., joints, :])
+        world_vel[..., joints, :] = (
+            world_vel[..., parents, :]
+            + quat.rotate(parent_rot, velocities[..., joints, :])
+            + np.cross(parent_ang, arm)
+        )
+        world_ang[..., joints, :] = parent_ang + quat.rotate(parent_rot, angular[..., joints, :])
+    return world_pos, world_rot, world_vel, world_ang
+
+
+def local(skeleton: Skeleton, world_pos: Array, world_rot: Array) -> tuple[Array, Array]:
+    """Inverse of `forward`."""
+    positions, rotations = world_pos.copy(), world_rot.copy()
+    child = np.arange(1, len(skeleton))
+    inverse = quat.inv(world_rot[..., skeleton.parents[child], :])
+    rotations[..., child, :] = quat.mul(inverse, world_rot[..., child, :])
+    positions[..., child, :] = quat.rotate(
+        inverse, world_pos[..., child, :] - world_pos[..., skeleton.parents[child], :]
+    )
+    return positions, rotations
+
+
+def _central(step: Array, fps: float) -> Array:
+    """Rates [T, ...] from the steps between frames [T-1, ...]; ends continue the inner acceleration."""
+    rate = np.empty((len(step) + 1, *step.shape[1:]), step.dtype)
+    if len(step) == 0:
+        rate[:] = 0
+    elif len(step) < 3:
+        rate[:-1], rate[-1] = step * fps, step[-1] * fps
+    else:
+        rate[1:-1] = (step[1:] + step[:-1]) * (fps / 2)
+        rate[0] = rate[1] - (rate[3 if len(rate) > 3 else 2] - rate[2])
+        rate[-1] = rate[-2] + (rate[-2] - rate[-3])
+    return rate
+
+
+def velocities(positions: Array, fps: float) -> Array:
+    """Time derivative of positions [T, ...] per second, by central differences.
+
+    The two end frames are extrapolated from their neighbours (REFERENCE 2.6's public implementation).
+    """
+    return _central(np.diff(positions, axis=0), fps)
+
+
+def angular_velocities(rotations: Array, fps: float) -> Array:
+    """Angular velocity [T, ..., 3] (rad/s, in the parent's frame) of rotations [T, ..., 4]."""
+    step = quat.log(quat.shortest(quat.mul(rotations[1:], quat.inv(rotations[:-1]))))
+    return _central(step, fps)

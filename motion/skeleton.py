@@ -1,0 +1,127 @@
+"""What a skeleton is: joints, hierarchy, rest offsets, and the roles its joints play."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import UserError
+
+
+@dataclass(frozen=True, eq=False)
+class Skeleton:
+    """A tree of joints, parents before children.
+
+    Attributes
+    ----------
+    names : J joint names, unique.
+    parents : int32 [J], the parent's index, -1 for joint 0 only.
+    offsets : float64 [J, 3], rest position of each joint in its parent's frame, metres.
+    roles : role name (see `motion.roles.ROLES`) to joint index; what schemas refer to.
+    end_sites : joint index to the offset of its end site [3], metres (BVH ``End Site``), for joints that have one.
+    """
+
+    names: tuple[str, ...]
+    parents: NDArray[np.int32]
+    offsets: NDArray[np.float64]
+    roles: Mapping[str, int] = field(default_factory=dict)
+    end_sites: Mapping[int, NDArray[np.float64]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        parents = np.ascontiguousarray(self.parents, np.int32)
+        offsets = np.ascontiguousarray(self.offsets, np.float64)
+        object.__setattr__(self, "names", tuple(self.names))
+        object.__setattr__(self, "parents", parents)
+        object.__setattr__(self, "offsets", offsets)
+        count = len(self.names)
+        if parents.shape != (count,) or offsets.shape != (count, 3):
+            raise ValueError(
+                f"skeleton of {count} joints: parents {parents.shape}, offsets {offsets.shape}, "
+                f"expected ({count},) and ({count}, 3)"
+            )
+        if count == 0 or parents[0] != -1 or np.any(parents[1:] < 0) or np.any(parents >= np.arange(count)):
+            raise ValueError("a skeleton needs one root, joint 0, and parents before children")
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def index(self, name: str) -> int:
+        """Index of a joint by name; a UserError lists the joints."""
+        try:
+            return self.names.index(name)
+        except ValueError:
+            raise UserError(
+                f"no joint {name!r}", remedy=f"the skeleton's joints are {', '.join(self.names)}"
+            ) from None
+
+    def role(self, role: str) -> int:
+        """Index of the joint that plays a role; a UserError lists the joints and the roles known."""
+        if role in self.roles:
+            return self.roles[role]
+        known = ", ".join(sorted(self.roles)) or "none"
+        raise UserError(
+            f"no joint plays the role {role!r} (roles found: {known})",
+            remedy=f"name it in a roles file; the joints are {', '.join(self.names)}",
+        )
+
+    def with_roles(self, roles: Mapping[str, int]) -> Skeleton:
+        """The same skeleton with another role map."""
+        return replace(self, roles=dict(roles))
+
+    def levels(self) -> list[NDArray[np.int64]]:
+        """Joint indices by depth: level 0 is the root, each level's parents lie in the level before."""
+        depth = np.zeros(len(self), np.int64)
+        for j in range(1, len(self)):
+            depth[j] = depth[self.parents[j]] + 1
+        return [np.flatnonzero(depth == d) for d in range(depth.max() + 1)]
+
+    def chain(self, joint: int, ancestor: int = 0) -> list[int]:
+        """Joint indices from ancestor down to joint, both included."""
+        path = [joint]
+        while path[-1] != ancestor:
+            parent = int(self.parents[path[-1]])
+            if parent < 0:
+                raise ValueError(f"joint {ancestor} is no ancestor of joint {joint}")
+            path.append(parent)
+        return path[::-1]
+
+    def same_joints(self, other: Skeleton) -> bool:
+        """Whether names and hierarchy agree (bone lengths may differ)."""
+        return self.names == other.names and bool(np.array_equal(self.parents, other.parents))
+
+    def to_json(self) -> dict:
+        """A JSON-able description; `from_json` reads it back."""
+        return {
+            "names": list(self.names),
+            "parents": self.parents.tolist(),
+            "offsets": self.offsets.tolist(),
+            "roles": dict(self.roles),
+            "end_sites": {str(j): np.asarray(o).tolist() for j, o in self.end_sites.items()},
+        }
+
+    @staticmethod
+    def from_json(data: Mapping) -> Skeleton:
+        return Skeleton(
+            tuple(data["names"]),
+            np.array(data["parents"], np.int32),
+            np.array(data["offsets"], np.float64).reshape(-1, 3),
+            dict(data["roles"]),
+            {int(j): np.array(o, np.float64) for j, o in data.get("end_sites", {}).items()},
+        )
+
+
+def sort_topologically(parents: Iterable[int]) -> NDArray[np.int64]:
+    """An order of joints that puts parents before children, keeping the given order of siblings."""
+    parents = list(parents)
+    children: dict[int, list[int]] = {}
+    for j, p in enumerate(parents):
+        children.setdefault(p, []).append(j)
+    order, stack = [], children.get(-1, [])[::-1]
+    while stack:
+        j = stack.pop()
+        order.append(j)
+        stack.extend(children.get(j, [])[::-1])
+    return np.array(order, np.int64)
