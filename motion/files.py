@@ -1,7 +1,8 @@
 """The project's own files: named arrays with a JSON header, checked, atomic, memory-mapped.
 
 The container is safetensors (an 8-byte length, a JSON header, raw arrays). Our metadata, one JSON object
-with format name, version and content, stands under ``__metadata__``; so does a checksum of header and data.
+with format name, version and content, stands under ``__metadata__``; so does a checksum of the whole file.
+The same content always gives the same bytes, so the checksum is the content's fingerprint.
 """
 
 from __future__ import annotations
@@ -11,12 +12,12 @@ import hashlib
 import json
 import os
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
-import safetensors.numpy
 from numpy.typing import NDArray
 
 from .errors import UserError
@@ -33,17 +34,22 @@ _DTYPES = {
     "U32": "<u4",
     "U16": "<u2",
     "U8": "u1",
-    "BOOL": "?",
+    "BOOL": "|b1",
 }
+_NAMES = {np.dtype(text): name for name, text in _DTYPES.items()}
+_CHUNK = 1 << 22
+_BLANK = "0" * 32
 
 
 @contextlib.contextmanager
 def atomic(path: str | os.PathLike[str], mode: str = "wb") -> Iterator[IO[Any]]:
     """Open a temporary file beside path; on success it becomes path, on any error it is removed.
 
-    A full disk or missing folder is a UserError.
+    A full disk, a folder that cannot be written or a device in the file's place is a UserError.
     """
-    path = Path(path)
+    path = Path(os.path.realpath(path))
+    if path.exists() and not path.is_file():
+        raise UserError("cannot write: it is not a regular file", path=path, remedy="name a file to write")
     temporary = None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -68,13 +74,8 @@ def atomic(path: str | os.PathLike[str], mode: str = "wb") -> Iterator[IO[Any]]:
 
 def fingerprint(arrays: Mapping[str, NDArray], metadata: Mapping[str, Any]) -> str:
     """Hash (hex, 128 bits) of names, types, shapes and contents of arrays, and of JSON-able metadata."""
-    digest = hashlib.blake2b(digest_size=16)
-    digest.update(json.dumps(metadata, sort_keys=True).encode())
-    for name in sorted(arrays):
-        array = np.ascontiguousarray(arrays[name])
-        digest.update(f"{name} {array.dtype.str} {array.shape}".encode())
-        digest.update(memoryview(array.reshape(-1).view(np.uint8)))
-    return digest.hexdigest()
+    arrays = _canonical(arrays)
+    return _checksum(_header(arrays, metadata, _BLANK), map(_bytes, arrays.values()))
 
 
 def save(
@@ -86,12 +87,54 @@ def save(
 ) -> str:
     """Write arrays and JSON-able metadata atomically; returns the content's fingerprint."""
     body = {"format": kind, "version": version, **metadata}
-    arrays = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
+    arrays = _canonical(arrays)
     mark = fingerprint(arrays, body)
-    header = {"metadata": json.dumps(body, sort_keys=True), "checksum": mark}
     with atomic(path) as stream:
-        stream.write(safetensors.numpy.save(arrays, header))
+        stream.write(_header(arrays, body, mark))
+        for array in arrays.values():
+            stream.write(_bytes(array))
     return mark
+
+
+def _canonical(arrays: Mapping[str, NDArray]) -> dict[str, NDArray]:
+    """Contiguous little-endian arrays, widest elements first: without holes all of them lie aligned."""
+    found = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
+    found = {name: array.astype(array.dtype.newbyteorder("<"), copy=False) for name, array in found.items()}
+    return dict(sorted(found.items(), key=lambda item: (-item[1].itemsize, item[0])))
+
+
+def _bytes(array: NDArray) -> memoryview:
+    return memoryview(array.reshape(-1).view(np.uint8))
+
+
+def _header(arrays: Mapping[str, NDArray], body: Mapping[str, Any], mark: str) -> bytes:
+    """Length and JSON header; the checksum stands first, so that its place does not depend on the rest."""
+    table: dict[str, Any] = {"__metadata__": {"checksum": mark, "metadata": json.dumps(body, sort_keys=True)}}
+    start = 0
+    for name, array in arrays.items():
+        stop = start + array.nbytes
+        table[name] = {"dtype": _NAMES[array.dtype], "shape": list(array.shape), "data_offsets": [start, stop]}
+        start = stop
+    text = json.dumps(table, separators=(",", ":")).encode()
+    text += b" " * (-(8 + len(text)) % 64)
+    return len(text).to_bytes(8, "little") + text
+
+
+def _checksum(header: bytes, blocks: Iterable[memoryview]) -> str:
+    """Hash of a header (its checksum blanked) and of the data after it.
+
+    A hash of the hashes of fixed chunks, which threads compute: loading a database means hashing it.
+    """
+    digest = hashlib.sha256(header)
+    with ThreadPoolExecutor(min(8, os.cpu_count() or 1)) as pool:
+        for found in pool.map(lambda chunk: hashlib.sha256(chunk).digest(), _chunks(blocks)):
+            digest.update(found)
+    return digest.hexdigest()[: len(_BLANK)]
+
+
+def _chunks(blocks: Iterable[memoryview]) -> Iterator[memoryview]:
+    for block in blocks:
+        yield from (block[i : i + _CHUNK] for i in range(0, len(block), _CHUNK))
 
 
 def load(
@@ -100,18 +143,15 @@ def load(
     """Read a file written by `save`, its arrays memory-mapped and read-only.
 
     Returns metadata, arrays and fingerprint. A missing, foreign, older, newer, cut or damaged file is a
-    UserError.
+    UserError; the checksum of the whole content is verified.
     """
     path = Path(path)
     remake = f"make it again or restore a whole copy of this {kind}"
-
-    def damaged(why: str) -> UserError:
-        return UserError(f"damaged {kind}: {why}", path=path, remedy=remake)
-
     try:
         size = path.stat().st_size
         with open(path, "rb") as stream:
-            length = int.from_bytes(stream.read(8), "little")
+            prefix = stream.read(8)
+            length = int.from_bytes(prefix, "little")
             if size < 8 or length > min(size - 8, 100_000_000):
                 raise UserError(f"not a {kind} file, or cut short", path=path, remedy=remake)
             raw = stream.read(length)
@@ -121,9 +161,9 @@ def load(
     try:
         table = json.loads(raw)
         header = table.pop("__metadata__")
-        body = json.loads(header["metadata"])
-        found, found_version, mark = body["format"], body["version"], header["checksum"]
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        body, mark = json.loads(header["metadata"]), header["checksum"].encode()
+        found, found_version = body["format"], body["version"]
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise UserError(f"not a {kind} file, or its header is damaged", path=path, remedy=remake) from error
     if found != kind:
         raise UserError(f"a {found}, expected a {kind}", path=path)
@@ -133,15 +173,30 @@ def load(
             path=path,
             remedy="make it again with this program",
         )
-    arrays: dict[str, NDArray] = {}
     try:
-        for name, entry in table.items():
-            dtype, (start, stop) = np.dtype(_DTYPES[entry["dtype"]]), entry["data_offsets"]
-            if not 0 <= start <= stop <= len(data):
-                raise damaged("cut short")
-            arrays[name] = data[start:stop].view(dtype).reshape(entry["shape"])
-    except (ValueError, KeyError, TypeError) as error:
-        raise damaged("its table of arrays is unreadable") from error
-    if fingerprint(arrays, body) != mark:
-        raise damaged("the checksum differs from its content")
-    return body, arrays, mark
+        arrays = _arrays(table, data)
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        why = f"damaged {kind}: its arrays do not fit the file, which may be cut short"
+        raise UserError(why, path=path, remedy=remake) from error
+    blank = prefix + raw.replace(mark, _BLANK.encode(), 1)
+    if _checksum(blank, map(_bytes, arrays.values())).encode() != mark:
+        why = f"damaged {kind}: the checksum differs from its content"
+        raise UserError(why, path=path, remedy=remake)
+    return body, arrays, mark.decode()
+
+
+def _arrays(table: Mapping[str, Any], data: NDArray[np.uint8]) -> dict[str, NDArray]:
+    """Views of the data by the header's table, in file order; a ValueError unless they cover all of it."""
+    arrays: dict[str, NDArray] = {}
+    reached = 0
+    for name, entry in table.items():
+        start, stop = entry["data_offsets"]
+        if start != reached or not start <= stop <= len(data):
+            raise ValueError(name)
+        arrays[name] = data[start:stop].view(_DTYPES[entry["dtype"]]).reshape(entry["shape"])
+        if arrays[name].flags.writeable:
+            arrays[name].flags.writeable = False
+        reached = stop
+    if reached != len(data):
+        raise ValueError("data beyond the last array")
+    return arrays
