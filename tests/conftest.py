@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Generator
 from pathlib import Path
 
 import pytest
@@ -11,16 +12,32 @@ import synthetic
 from motion.clip import Clip
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
+REQUIRE_DATA = os.environ.get("REQUIRE_DATA") == "1"
 
 
 @pytest.fixture(scope="session")
 def data() -> Path:
     """The folder of real clips and oracles, ``../shared/data`` beside the checkout; skips without it."""
     if not (DATA / "manifest.csv").is_file():
-        if os.environ.get("REQUIRE_DATA") == "1":
-            pytest.fail(f"REQUIRE_DATA=1, but there is no {DATA / 'manifest.csv'}")
-        pytest.skip(f"no real clips: {DATA} is absent")
+        pytest.skip(f"no real clips: {DATA} is absent or has no manifest.csv")
     return DATA
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark what reads the real clips, so that ``-m "not data"`` leaves it out."""
+    for item in items:
+        if "data" in getattr(item, "fixturenames", ()):
+            item.add_marker("data")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """With REQUIRE_DATA=1, a test of the real clips that skips has failed, whatever its reason."""
+    report = yield
+    if REQUIRE_DATA and report.skipped and item.get_closest_marker("data") and not hasattr(report, "wasxfail"):
+        report.outcome = "failed"
+        report.longrepr = f"REQUIRE_DATA=1, but {item.nodeid} skipped: {report.longrepr}"
+    return report
 
 
 @pytest.fixture(scope="session")

@@ -1,0 +1,69 @@
+# make demo   the main job: motion matching measured on real clips      make test   the tests
+# make lint   formatter, linter, type checker, import checker           make clean  all that these made
+#
+# Each makes its own .venv first, with nothing but Python 3.11 or later; the second time that costs nothing.
+
+DATA ?= ../shared/data/cmu/asfamc
+OUT ?= out/demo
+VENV ?= .venv
+PYTEST_FLAGS ?= -n auto
+
+BIN := $(VENV)/bin
+CORE := $(VENV)/.core
+DEV := $(VENV)/.dev
+PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --prefer-binary
+
+.PHONY: help demo test lint format clean
+.DELETE_ON_ERROR:
+
+help:
+	@sed -n 's/^# \{0,1\}//p' Makefile | head -2
+
+demo: $(CORE)
+	@test -e "$(DATA)" || { \
+	  echo "error: no clips at $(DATA); say where yours are: make demo DATA=FOLDER (BVH or ASF/AMC)" >&2; exit 2; }
+	$(BIN)/python -m bench compare "$(DATA)" -o "$(OUT)"
+
+test: $(DEV)
+	$(BIN)/python -m pytest $(PYTEST_FLAGS)
+
+lint: $(DEV)
+	$(BIN)/python -m ruff check .
+	$(BIN)/python -m ruff format --check .
+	$(BIN)/python -m mypy
+	$(BIN)/lint-imports
+
+format: $(DEV)
+	$(BIN)/python -m ruff check --fix .
+	$(BIN)/python -m ruff format .
+
+clean:
+	rm -rf "$(VENV)" out build dist *.egg-info .pytest_cache .ruff_cache .mypy_cache .import_linter_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# The stamps are written last, so that an interrupted installation is taken up again.
+$(BIN)/python:
+	@python=; \
+	for name in $(PYTHON) python3.11 python3.12 python3.13 python3 python; do \
+	  if "$$name" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1; then python=$$name; break; fi; \
+	done; \
+	if [ -z "$$python" ]; then \
+	  echo "error: no Python 3.11 or later found; install it, or name it: make PYTHON=/path/to/python3" >&2; exit 2; \
+	fi; \
+	if ! "$$python" -c 'import venv, ensurepip' >/dev/null 2>&1; then \
+	  echo "error: $$python lacks its venv module; on Debian or Ubuntu: apt install python3-venv" >&2; exit 2; \
+	fi; \
+	echo "making $(VENV) with $$("$$python" --version)"; \
+	"$$python" -m venv --clear "$(VENV)"
+
+$(CORE): setup.cfg $(BIN)/python
+	@echo "installing what the program needs into $(VENV); this may take a minute or two"
+	@$(PIP) --editable . || { echo "error: installing failed (see above); is the package index reachable?" >&2; exit 2; }
+	@$(BIN)/python -c 'import faiss, numba, pandas, scipy' || { \
+	  echo "error: a library does not load (see above); a system library it names may be missing" >&2; exit 2; }
+	@touch "$@"
+
+$(DEV): $(CORE)
+	@echo "installing what the tests need into $(VENV)"
+	@$(PIP) --editable '.[dev]' || { echo "error: installing failed (see above); is the package index reachable?" >&2; exit 2; }
+	@touch "$@"
