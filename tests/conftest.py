@@ -1,4 +1,4 @@
-"""Fixtures that every test may use: real data where it stands beside the checkout, synthetic motion anywhere."""
+"""Fixtures for every test: real clips where they stand beside the checkout, synthetic motion anywhere."""
 
 from __future__ import annotations
 
@@ -34,7 +34,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
     """With REQUIRE_DATA=1, a test of the real clips that skips has failed, whatever its reason."""
     report = yield
-    if REQUIRE_DATA and report.skipped and item.get_closest_marker("data") and not hasattr(report, "wasxfail"):
+    skipped = report.skipped and not hasattr(report, "wasxfail")
+    if REQUIRE_DATA and skipped and item.get_closest_marker("data"):
         report.outcome = "failed"
         report.longrepr = f"REQUIRE_DATA=1, but {item.nodeid} skipped: {report.longrepr}"
     return report
