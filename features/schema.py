@@ -16,16 +16,10 @@ from numpy.typing import NDArray
 from motion import config, files
 from motion.config import ConfigError, choices
 from motion.errors import UserError
+from motion.roles import ROLES
 
 from . import custom
 from .custom import register
-
-try:
-    from motion.roles import ROLES
-except ImportError:  # until motion.roles stands
-    _paired = ("up_leg", "leg", "foot", "toe", "shoulder", "arm", "forearm", "hand")
-    ROLES = ("root", "hips", "spine", "chest", "neck", "head")
-    ROLES += tuple(f"{side}_{joint}" for side in ("left", "right") for joint in _paired)
 
 __all__ = ["KINDS", "TRAJECTORY", "Feature", "Schema", "TrajectoryLayout", "register"]
 
@@ -64,8 +58,8 @@ class Feature:
     kind : what it measures, all in the frame of the ground root (origin on the ground, +Z the facing):
         "position", "velocity", "angular_velocity" of a joint (x, y, z; m, m/s, rad/s; the rates are the
         world's, expressed in the root's frame), "heading" (x, z of a joint's forward axis), "height" of a
-        joint (m), "trajectory_position", "trajectory_direction" (x, z of the ground root and of its facing at `times`),
-        or "custom".
+        joint (m), "trajectory_position", "trajectory_direction" (x, z of the ground root and of its facing
+        at `times`), or "custom".
     role : the joint, for the kinds that have one.
     times : seconds from now, for the trajectory kinds: past negative, present 0, future positive.
     weight : divides the scale, so that it multiplies differences (REFERENCE 2.2); 0: does not count.

@@ -25,7 +25,7 @@ def directions_to_world(directions: Array, yaws: Array) -> Array:
 
 
 def points_to_local(points: Array, positions: Array, yaws: Array) -> Array:
-    """World points ``[..., K, 2]`` (m) in the frames of roots at positions ``[..., 2]`` and yaws ``[...]``."""
+    """World points ``[..., K, 2]`` (m) in frames of roots at positions ``[..., 2]`` and yaws ``[...]``."""
     return directions_to_local(points - positions[..., None, :], yaws)
 
 
