@@ -26,9 +26,12 @@ class Group(click.Group):
             sys.exit(code if isinstance(code, int) else 0)
         except UserError as error:
             message, code = str(error), 2
+        except click.exceptions.NoArgsIsHelpError as error:
+            error.show()
+            sys.exit(2)
         except click.UsageError as error:
             where = error.ctx.command_path if error.ctx else ""
-            message, code = f"{error.format_message()} (see {where} --help)", 2
+            message, code = f"{error.format_message().rstrip('.')} (see {where} --help)", 2
         except click.ClickException as error:
             message, code = error.format_message(), 2
         except (click.Abort, KeyboardInterrupt):

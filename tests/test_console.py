@@ -1,0 +1,218 @@
+"""The face of every command: one-line errors, exit codes, JSON, tables, progress."""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from motion import console
+from motion.errors import UserError
+
+
+@console.group("tool", "A tool for the tests.")
+def tool() -> None:
+    pass
+
+
+@tool.command()
+@click.argument("kind")
+def fail(kind: str) -> None:
+    """Fail in one of the ways there are."""
+    failures = {
+        "user": UserError("bad\n  number 'x'", path="walk.bvh", line=7, remedy="write\na number"),
+        "click": click.ClickException("no such thing"),
+        "interrupt": KeyboardInterrupt(),
+        "memory": MemoryError(),
+        "bug": ZeroDivisionError("a fault of ours"),
+    }
+    raise failures[kind]
+
+
+@tool.command()
+@console.json_option
+def show(as_json: bool) -> None:
+    """Print a little."""
+    if as_json:
+        console.print_json({"frames": np.int32(3), "rates": np.array([0.5, 1.0]), "path": Path("a/b")})
+    else:
+        click.echo("three frames")
+
+
+def run(*arguments: str) -> Result:
+    return CliRunner().invoke(tool, list(arguments))
+
+
+def test_a_user_error_is_one_line_and_exit_code_2() -> None:
+    result = run("fail", "user")
+    assert result.stderr == "error: walk.bvh:7: bad number 'x'; write a number\n"
+    assert result.stdout == ""
+    assert result.exit_code == 2
+
+
+@pytest.mark.parametrize(
+    ("kind", "code", "word"),
+    [("click", 2, "no such thing"), ("interrupt", 130, "interrupted"), ("memory", 2, "out of memory")],
+)
+def test_other_faults_are_one_line_too(kind: str, code: int, word: str) -> None:
+    result = run("fail", kind)
+    message = result.stderr.lstrip("\n")  # after Ctrl-C the terminal's cursor stands behind a ^C
+    assert message.startswith("error: ")
+    assert word in message
+    assert message.count("\n") == 1
+    assert result.exit_code == code
+
+
+def test_a_bug_is_not_disguised_as_a_fault_of_the_user() -> None:
+    assert isinstance(run("fail", "bug").exception, ZeroDivisionError)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [(["fail"], "KIND"), (["fall"], "'fail'"), (["show", "--jsn"], "'--json'"), (["show", "extra"], "extra")],
+)
+def test_wrong_usage_is_one_line_that_points_at_help(arguments: list[str], word: str) -> None:
+    result = run(*arguments)
+    assert result.stderr.startswith("error: ")
+    assert word in result.stderr
+    assert result.stderr.endswith("--help)\n")
+    assert result.stderr.count("\n") == 1
+    assert result.exit_code == 2
+
+
+def test_without_a_command_the_help_appears() -> None:
+    result = run()
+    assert result.exit_code == 2
+    assert result.stderr.startswith("Usage: ")
+    assert {"fail", "show"} <= set(result.stderr.split())
+
+
+@pytest.mark.parametrize("flag", ["-h", "--help"])
+def test_both_help_flags_work_everywhere(flag: str) -> None:
+    assert run(flag).exit_code == 0
+    assert "Print a little." in run("show", flag).stdout
+
+
+def test_success_exits_with_0() -> None:
+    result = run("show")
+    assert (result.exit_code, result.stdout, result.stderr) == (0, "three frames\n", "")
+
+
+def test_json_takes_arrays_numbers_and_paths() -> None:
+    value = json.loads(run("show", "--json").stdout)
+    assert value == {"frames": 3, "rates": [0.5, 1.0], "path": str(Path("a/b"))}
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), np.float32("nan"), np.array([0.0, np.nan])])
+def test_json_refuses_what_is_no_json_number(value: object) -> None:
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        console.print_json({"value": value})
+
+
+def test_json_refuses_unknown_types() -> None:
+    with pytest.raises(TypeError, match="object does not go into JSON"):
+        console.print_json(object())
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (None, "-"),
+        (0.123456, "0.1235"),
+        (1234567.8, "1,234,568"),
+        (-2e9, "-2,000,000,000"),
+        (42, "42"),
+        ("a", "a"),
+    ],
+)
+def test_cells(value: object, text: str) -> None:
+    assert console.format_cell(value) == text
+
+
+def test_a_table_has_the_first_rows_columns_and_every_row(capsys: pytest.CaptureFixture[str]) -> None:
+    rows = [{"clip": "walk", "fps": 60.0}, {"clip": "a rather long name of a clip", "fps": None}]
+    console.print_table(rows, title="Clips")
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].strip() == "Clips"
+    assert lines[1].replace("┃", " ").split() == ["clip", "fps"]
+    body = [line.replace("│", " ").split() for line in lines[-2:]]
+    assert body == [["walk", "60"], ["a", "rather", "long", "name", "of", "a", "clip", "-"]]
+    assert len({len(line) for line in lines[-2:]}) == 1
+
+
+def test_an_empty_table_is_no_fault(capsys: pytest.CaptureFixture[str]) -> None:
+    console.print_table([], title="Nothing")
+    assert "error" not in capsys.readouterr().err
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[float]]:
+    """A clock that the test sets; `console` reads it as time.monotonic."""
+    now = [0.0]
+    monkeypatch.setattr(console.time, "monotonic", lambda: now[0])
+    yield now
+
+
+def test_progress_off_a_terminal_is_a_line_every_ten_seconds(
+    clock: list[float], capsys: pytest.CaptureFixture[str]
+) -> None:
+    for _ in console.progress(range(10), label="reading", unit="files"):
+        clock[0] += 4.0
+    lines = capsys.readouterr().err.splitlines()
+    assert lines == [
+        "reading: 3/10 files, 0.2 files/s, 28 s left",
+        "reading: 6/10 files, 0.2 files/s, 16 s left",
+        "reading: 9/10 files, 0.2 files/s, 4 s left",
+    ]
+
+
+def test_short_work_makes_no_lines(clock: list[float], capsys: pytest.CaptureFixture[str]) -> None:
+    assert list(console.progress(iter("abc"), label="reading")) == ["a", "b", "c"]
+    assert capsys.readouterr().err == ""
+
+
+def test_progress_without_a_total_counts_up(clock: list[float], capsys: pytest.CaptureFixture[str]) -> None:
+    for _ in console.progress(iter(range(2)), label="training"):
+        clock[0] += 10.0
+    assert capsys.readouterr().err.splitlines()[-1] == "training: 2 it, 0.1 it/s"
+
+
+def test_progress_on_a_terminal_keeps_to_standard_error(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    terminal = Terminal()
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr(sys, "stderr", terminal)
+    assert list(console.progress([1, 2, 3], label="building")) == [1, 2, 3]
+    assert "building" in terminal.getvalue()
+    assert capsys.readouterr().out == ""
+
+
+def test_a_missing_extra_names_the_install_command() -> None:
+    @console.needs("viewer", "no_such_module_at_all")
+    def window() -> None:
+        raise AssertionError("never called")
+
+    with pytest.raises(UserError, match=r"pip install 'motion-matching\[viewer\]'"):
+        window()
+
+
+def test_a_present_extra_is_used() -> None:
+    @console.needs("dev", "pytest")
+    def answer(number: int) -> int:
+        """The docstring stays."""
+        return number + 1
+
+    assert answer(1) == 2
+    assert answer.__doc__ == "The docstring stays."
