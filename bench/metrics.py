@@ -1,0 +1,362 @@
+"""What is measured of a motion: pure functions on arrays, time along axis 0.
+
+Lengths go in as metres and come out as centimetres where a name ends in ``_cm`` or the docstring says so;
+formulas are those of REFERENCE section 6 unless another source is named.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from motion import kinematics, quat
+
+Array = NDArray[np.floating]
+
+SKATE_HEIGHT = 0.025  # H of the foot-skate formula, metres
+CONTACT_HEIGHT, SKATE_SPEED = 0.05, 0.5  # skate ratio: metres, m/s
+SMOOTHING = 0.2  # seconds over which the root's speed and heading are averaged
+PATH_WINDOW = (0.5, 1.5)  # metres back and ahead along the path that the next frame's nearest point may lie
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Statistics of an error over frames and joints, in the unit of the function that returns them."""
+
+    mean: float
+    std: float
+    p99: float
+    worst: float
+    worst_joint: int
+
+
+def _errors(values: Array) -> Errors:
+    """values [..., J]; the worst joint is the one with the largest mean error, which `worst` gives."""
+    joints = values.reshape(-1, values.shape[-1]).mean(axis=0)
+    joint = int(np.argmax(joints))
+    p99 = float(np.percentile(values, 99))
+    return Errors(float(values.mean()), float(values.std()), p99, float(joints[joint]), joint)
+
+
+def joint_position_error(truth: Array, found: Array) -> Errors:
+    """Distance |truth - found| of joint positions [..., J, 3] (metres, after forward kinematics), in cm.
+
+    Roots aligned: give positions in the ground root's space, without the root itself.
+    """
+    return _errors(100 * np.linalg.norm(np.asarray(found) - truth, axis=-1))
+
+
+def rotation_error(truth: Array, found: Array) -> Errors:
+    """Angle 2 acos |truth . found| between unit quaternions [..., J, 4], in degrees."""
+    return _errors(np.degrees(quat.angle_between(np.asarray(truth), np.asarray(found))))
+
+
+def velocity_error(truth: Array, found: Array, fps: float) -> Errors:
+    """Difference of the finite-difference velocities of joint positions [T, ..., J, 3], in cm/s."""
+    moved, should = (np.diff(np.asarray(p, np.float64), axis=0) for p in (found, truth))
+    return _errors(100 * fps * np.linalg.norm(moved - should, axis=-1))
+
+
+def resting_heights(feet: Array, *, percentile: float = 5) -> Array:
+    """Height [C] at which each foot joint stands: a low percentile of y over all frames of feet [..., C, 3].
+
+    Skeletons differ: a toe joint stands at 1 to 4 cm, an ankle at 7 to 12 cm. A low percentile, not the
+    minimum, so that capture noise and a few frames below the floor do not set it.
+    """
+    feet = np.asarray(feet)
+    return np.percentile(feet[..., 1].reshape(-1, feet.shape[-2]), percentile, axis=0)
+
+
+def _steps(feet: Array, fps: float, rest: ArrayLike) -> tuple[Array, Array]:
+    """Horizontal speed [T-1, ..., C] (m/s) of each step between frames, and height above rest [T, ..., C]."""
+    feet = np.asarray(feet, np.float64)
+    speed = fps * np.linalg.norm(np.diff(feet[..., [0, 2]], axis=0), axis=-1)
+    return speed, feet[..., 1] - np.asarray(rest)
+
+
+def skate(feet: Array, fps: float, rest: ArrayLike = 0.0, *, height: float = SKATE_HEIGHT) -> Array:
+    """Foot skate [T-1, ..., C] of every step between frames and foot joint, in cm/s.
+
+        s = v (2 - 2^(h / H)),   h clamped to [0, H]
+
+    feet [T, ..., C, 3] world positions, metres; v horizontal speed; h the mean of the two frames' heights
+    above rest [C] (`resting_heights`). It is all of v on the ground and nothing at H and above. Divide by
+    fps for cm a frame, the unit of the MANN paper.
+    """
+    speed, above = _steps(feet, fps, rest)
+    h = np.clip((above[1:] + above[:-1]) / 2, 0, height)
+    return 100 * speed * (2 - 2 ** (h / height))
+
+
+def foot_skate(feet: Array, fps: float, rest: ArrayLike = 0.0, *, height: float = SKATE_HEIGHT) -> float:
+    """Mean of `skate` over frames and feet, cm/s."""
+    values = skate(feet, fps, rest, height=height)
+    return float(values.mean()) if values.size else 0.0
+
+
+def skate_ratio(
+    feet: Array,
+    fps: float,
+    rest: ArrayLike = 0.0,
+    *,
+    height: float = CONTACT_HEIGHT,
+    speed: float = SKATE_SPEED,
+) -> float:
+    """Share of steps between frames in which any foot of feet [T, ..., C, 3] skates.
+
+    A foot skates when it is lower than height (above rest) in both frames and its horizontal speed between
+    them exceeds speed.
+    """
+    moved, above = _steps(feet, fps, rest)
+    low = above < height
+    skates = low[1:] & low[:-1] & (moved > speed)
+    return float(skates.any(axis=-1).mean()) if skates.size else 0.0
+
+
+def smooth(values: Array, fps: float, seconds: float = SMOOTHING) -> Array:
+    """Centred moving average over axis 0 of values [T, ...]; near the ends of what there is."""
+    values = np.asarray(values, np.float64)
+    half = round(seconds * fps) // 2
+    if half == 0 or len(values) == 0:
+        return values.copy()
+    total = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
+    index = np.arange(len(values))
+    first, last = np.maximum(index - half, 0), np.minimum(index + half + 1, len(values))
+    return (total[last] - total[first]) / (last - first).reshape(-1, *[1] * (values.ndim - 1))
+
+
+def wrap(angle: ArrayLike) -> Array:
+    """Angles brought into [-pi, pi)."""
+    return (np.asarray(angle) + np.pi) % (2 * np.pi) - np.pi
+
+
+def root_speed(positions: Array, fps: float, *, seconds: float = SMOOTHING) -> Array:
+    """Speed [T, ...] in m/s of ground positions [T, ..., 2], velocity smoothed over seconds."""
+    velocity = kinematics.velocities(np.asarray(positions, np.float64), fps)
+    return np.linalg.norm(smooth(velocity, fps, seconds), axis=-1)
+
+
+def path_length(positions: Array) -> Array:
+    """Metres [...] walked along ground positions [T, ..., 2]."""
+    return np.linalg.norm(np.diff(positions, axis=0), axis=-1).sum(axis=0)
+
+
+def speed_ratio(positions: Array, command_velocity: Array, fps: float) -> float:
+    """Metres walked over metres commanded: path length of positions [T, ..., 2] smoothed over 0.2 s, divided
+    by the sum of the commanded speeds [T, ..., 2] / fps. NaN when nothing was commanded."""
+    asked = np.linalg.norm(np.asarray(command_velocity, np.float64)[1:], axis=-1).sum() / fps
+    return float(path_length(smooth(positions, fps)).sum() / asked) if asked > 0 else float("nan")
+
+
+def nearest_on_path(
+    positions: Array,
+    path: Array,
+    *,
+    window: tuple[float, float] = PATH_WINDOW,
+    spacing: float = 0.02,
+) -> tuple[Array, Array]:
+    """Windowed nearest points of a polyline: distance [T, ...] in metres, and the path's direction there.
+
+    positions [T, ..., 2], path [P, 2]; the direction [T, ...] is an angle, atan2(x, z). A frame's nearest
+    point is sought between window[0] metres before and window[1] metres after the last frame's, measured
+    along the path, so that where a path crosses itself or doubles back the other branch does not count.
+    The first frame's point is the nearest of all. A path that ends where it began goes round.
+    """
+    points, closed = _respace(np.asarray(path, np.float64), spacing)
+    positions = np.asarray(positions, np.float64)
+    flat = positions.reshape(len(positions), -1, 2)
+    count, step = len(points), np.linalg.norm(points[1] - points[0])
+    offsets = np.arange(-int(window[0] / step), int(window[1] / step) + 1)
+    at = np.empty(flat.shape[:2], np.int64)
+    for t, here in enumerate(flat):
+        if t == 0:
+            candidates = np.broadcast_to(np.arange(count), (len(here), count))
+        else:
+            candidates = at[t - 1][:, None] + offsets
+            candidates = candidates % count if closed else np.clip(candidates, 0, count - 1)
+        squares = np.sum((points[candidates] - here[:, None]) ** 2, axis=-1)
+        at[t] = np.take_along_axis(candidates, np.argmin(squares, axis=-1)[:, None], axis=-1)[:, 0]
+    # The exact nearest point lies on one of the two short segments that meet at the point found.
+    other = [at + side for side in (-1, 1)]
+    other = [o % count if closed else np.clip(o, 0, count - 1) for o in other]
+    distance = np.minimum(*(_distance_to_segment(flat, points[at], points[o]) for o in other))
+    along = points[other[1]] - points[other[0]]
+    shape = positions.shape[:-1]
+    return distance.reshape(shape), np.arctan2(along[..., 0], along[..., 1]).reshape(shape)
+
+
+def _respace(path: Array, spacing: float) -> tuple[Array, bool]:
+    """Points at equal arc distances of about spacing along a polyline, and whether it is closed.
+
+    A closed one is returned without its repeated last point.
+    """
+    length = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=-1))])
+    if len(path) < 2 or length[-1] <= 0:
+        raise ValueError(f"a path of {len(path)} points, {length[-1]:.3f} m long, has no direction")
+    closed = len(path) > 2 and bool(np.allclose(path[0], path[-1], atol=1e-6))
+    arc = np.linspace(0, length[-1], max(2, round(length[-1] / spacing)) + 1)
+    points = np.stack([np.interp(arc, length, path[:, axis]) for axis in (0, 1)], axis=-1)
+    return (points[:-1], True) if closed else (points, False)
+
+
+def _distance_to_segment(p: Array, a: Array, b: Array) -> Array:
+    along = b - a
+    square = np.sum(along * along, axis=-1)
+    share = np.sum((p - a) * along, axis=-1) / np.where(square > 0, square, 1)
+    return np.linalg.norm(p - a - np.clip(share, 0, 1)[..., None] * along, axis=-1)
+
+
+@dataclass(frozen=True)
+class TrajectoryErrors:
+    """Distance from the commanded path (cm) and facing's difference from the commanded one (degrees)."""
+
+    mean_cm: float
+    p95_cm: float
+    heading_deg: float
+
+
+def trajectory_error(
+    positions: Array,
+    yaws: Array,
+    command_yaw: Array,
+    path: Array | None,
+    *,
+    window: tuple[float, float] = PATH_WINDOW,
+) -> TrajectoryErrors:
+    """How well a walk kept to what was commanded.
+
+    positions [T, ..., 2] of the ground root, its facing yaws [T, ...] and the commanded facing (radians), the
+    commanded path [P, 2]: distance to the windowed nearest point of the path (`nearest_on_path`), NaN without
+    a path, and mean absolute difference of facing.
+    """
+    heading = float(np.degrees(np.abs(wrap(np.asarray(yaws) - command_yaw)).mean()))
+    if path is None:
+        return TrajectoryErrors(float("nan"), float("nan"), heading)
+    distance = 100 * nearest_on_path(positions, path, window=window)[0]
+    return TrajectoryErrors(float(distance.mean()), float(np.percentile(distance, 95)), heading)
+
+
+def command_path(command_velocity: Array, start: ArrayLike, fps: float) -> Array:
+    """The path [T, 2] that a perfectly obedient character would walk from start: the commanded velocity
+    [T, 2], integrated. What stick courses, which have no path of their own, are drawn against."""
+    return np.asarray(start) + np.cumsum(np.asarray(command_velocity, np.float64), axis=0) / fps
+
+
+def step_response(
+    command: Array,
+    actual: Array,
+    fps: float,
+    *,
+    minimum: float,
+    share: float = 0.9,
+    hold: float = 0.5,
+    angular: bool = False,
+) -> Array:
+    """Seconds [S] from each step in a command [T] until the actual value [T] has made share of the step.
+
+    A step is a change of more than minimum from one frame to the next that is followed by no other for
+    hold seconds. It is answered at the first frame whose difference from the command of that frame is at
+    most (1 - share) of the step, or beyond the goal. NaN where the next step or the end comes first. Frame
+    t's pose is what frame t's command led to, so the fastest answer takes 1 / fps. angular: the values are
+    angles in radians and wrap.
+    """
+    command, actual = np.asarray(command, np.float64), np.asarray(actual, np.float64)
+    step = np.diff(command)
+    step = wrap(step) if angular else step
+    frames = np.flatnonzero(np.abs(step) > minimum) + 1
+    ends = np.append(frames[1:], len(command))
+    answers = []
+    for start, end in zip(frames, ends, strict=True):
+        if end - start < hold * fps:
+            continue
+        size, left = step[start - 1], command[start:end] - actual[start:end]
+        left = np.abs(wrap(left)) if angular else left * np.sign(size)
+        reached = np.flatnonzero(left <= (1 - share) * abs(size) + 1e-9)
+        answers.append((reached[0] + 1) / fps if len(reached) else np.nan)
+    return np.array(answers)
+
+
+@dataclass(frozen=True)
+class Responsiveness:
+    """Mean seconds to 90 % of a step in speed and in heading (NaN: no step, or none answered), the number of
+    steps, and the share of them that were answered (NaN: no step)."""
+
+    speed_s: float
+    heading_s: float
+    speed_steps: int
+    heading_steps: int
+    answered: float
+
+
+def responsiveness(
+    command_velocity: Array,
+    command_yaw: Array,
+    positions: Array,
+    yaws: Array,
+    fps: float,
+    *,
+    speed_step: float = 0.5,
+    heading_step: float = np.radians(30),
+) -> Responsiveness:
+    """Time from a step in the command to 90 % of the new speed, and of the new heading (`step_response`).
+
+    command_velocity [T, N, 2] m/s, command_yaw [T, N] radians, positions [T, N, 2] and yaws [T, N] of the
+    ground root. The root's velocity and heading are averages over 0.2 s around each frame. Steps smaller
+    than speed_step (m/s) and heading_step (radians) do not count.
+    """
+    asked = np.linalg.norm(np.asarray(command_velocity), axis=-1)
+    speed = root_speed(positions, fps)
+    yaws = smooth(np.unwrap(np.asarray(yaws, np.float64), axis=0), fps)
+    speeds, headings = [], []
+    for n in range(asked.shape[1]):
+        speeds.append(step_response(asked[:, n], speed[:, n], fps, minimum=speed_step))
+        headings.append(step_response(command_yaw[:, n], yaws[:, n], fps, minimum=heading_step, angular=True))
+    of_speed, of_heading = np.concatenate(speeds), np.concatenate(headings)
+    both = np.concatenate([of_speed, of_heading])
+    return Responsiveness(
+        nanmean(of_speed),
+        nanmean(of_heading),
+        len(of_speed),
+        len(of_heading),
+        float(np.isfinite(both).mean()) if len(both) else float("nan"),
+    )
+
+
+def nanmean(values: ArrayLike) -> float:
+    """Mean of what is not NaN; NaN when nothing is left."""
+    values = np.asarray(values, np.float64)
+    values = values[np.isfinite(values)]
+    return float(values.mean()) if len(values) else float("nan")
+
+
+def jerk(positions: Array, fps: float) -> float:
+    """Mean norm of the third difference of joint positions [T, ..., J, 3] (world, metres) x fps^3, m/s^3."""
+    third = np.diff(np.asarray(positions, np.float64), n=3, axis=0)
+    return float(np.linalg.norm(third, axis=-1).mean() * fps**3) if len(third) else 0.0
+
+
+def pops(positions: Array) -> Array:
+    """How far [T, ...] the most displaced joint lies from where its velocity would have put it, cm.
+
+        max over joints of |x_t - (2 x_t-1 - x_t-2)|
+
+    positions [T, ..., J, 3] in the ground root's space, metres. Frames 0 and 1 are 0. Ordinary motion is not
+    zero: a joint that accelerates at 36 m/s^2 makes 1 cm at 60 frames a second.
+    """
+    positions = np.asarray(positions, np.float64)
+    out = np.zeros(positions.shape[:-2])
+    out[2:] = 100 * np.linalg.norm(np.diff(positions, n=2, axis=0), axis=-1).max(axis=-1)
+    return out
+
+
+def largest_pop(positions: Array, transition: NDArray[np.bool_]) -> float:
+    """Largest of `pops` at the frames of transitions [T, ...] or the frame after, cm; NaN without one.
+
+    The frame after belongs to it because a velocity that jumps at a transition shows one frame later.
+    """
+    at = np.asarray(transition, bool).copy()
+    at[1:] |= np.asarray(transition, bool)[:-1]
+    values = pops(positions)[at]
+    return float(values.max()) if len(values) else float("nan")
