@@ -113,7 +113,8 @@ def _header(arrays: Mapping[str, NDArray], body: Mapping[str, Any], mark: str) -
     start = 0
     for name, array in arrays.items():
         stop = start + array.nbytes
-        table[name] = {"dtype": _NAMES[array.dtype], "shape": list(array.shape), "data_offsets": [start, stop]}
+        entry = {"dtype": _NAMES[array.dtype], "shape": list(array.shape), "data_offsets": [start, stop]}
+        table[name] = entry
         start = stop
     text = json.dumps(table, separators=(",", ":")).encode()
     text += b" " * (-(8 + len(text)) % 64)
