@@ -1,0 +1,125 @@
+"""The shape of the house: what imports what, quietly, and commands that explain themselves."""
+
+from __future__ import annotations
+
+import configparser
+import importlib
+import re
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+import pytest
+from click.testing import CliRunner
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGES = [p for p in ("motion", "features", "mm", "lmm", "bench", "viewer") if (ROOT / p).is_dir()]
+COMMANDS = [p for p in PACKAGES if (ROOT / p / "__main__.py").is_file()]
+EXTRAS = ["torch", "open3d", "onnx", "onnxruntime", "pygltflib", "pybvh"]
+SLOW = [
+    "matplotlib",
+    "pandas",
+    "jinja2",
+]  # core, but a command that does not need them must not wait for them
+
+
+def imported_by(code: str) -> list[str]:
+    """Top-level modules that a fresh interpreter holds after running code, which must print nothing."""
+    report = "; import sys; sys.stdout.write('@' + ' '.join({m.partition('.')[0] for m in sys.modules}))"
+    done = subprocess.run(
+        [sys.executable, "-c", code + report], cwd=ROOT, capture_output=True, text=True, timeout=120
+    )
+    assert done.returncode == 0, done.stderr
+    printed, _, modules = done.stdout.rpartition("@")
+    assert printed == ""
+    assert done.stderr == ""
+    return modules.split()
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_importing_everything_needs_no_extra_and_prints_nothing(package: str) -> None:
+    names = [
+        ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+        for path in sorted((ROOT / package).rglob("*.py"))
+        if path.name != "__main__.py"
+    ]
+    modules = imported_by("import " + ", ".join(names))
+    assert package in modules
+    assert not set(EXTRAS) & set(modules)
+
+
+@pytest.mark.parametrize("package", COMMANDS)
+def test_the_command_starts_without_slow_libraries(package: str) -> None:
+    modules = imported_by(f"import {package}.cli")
+    assert "click" in modules
+    assert not set(SLOW) & set(modules)
+
+
+def test_import_rules_and_metadata_cover_every_package() -> None:
+    tools = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]
+    assert tools["importlinter"]["root_packages"] == PACKAGES
+    assert tools["mypy"]["packages"] == PACKAGES
+    setup = configparser.ConfigParser()
+    setup.read(ROOT / "setup.cfg")
+    patterns = setup["options.packages.find"]["include"].split()
+    assert {f"{package}*" for package in PACKAGES} <= set(patterns)
+    scripts = setup["options.entry_points"]["console_scripts"].split("\n")
+    assert {f"{p} = {p}.cli:main" for p in COMMANDS} == {line.strip() for line in scripts if line.strip()}
+
+
+def commands() -> Iterator[tuple[str, click.Command]]:
+    """Every command of every package: its full name ("mm build") and the click command."""
+
+    def walk(name: str, command: click.Command) -> Iterator[tuple[str, click.Command]]:
+        if isinstance(command, click.Group):
+            for child, below in command.commands.items():
+                yield from walk(f"{name} {child}", below)
+        else:
+            yield name, command
+
+    for package in COMMANDS:
+        yield from walk(package, importlib.import_module(f"{package}.cli").main)
+
+
+ALL = dict(commands())
+
+
+def test_the_commands_promised_are_there() -> None:
+    promised = ["motion info", "motion convert", "mm build", "mm info", "mm run", "mm import", "mm export"]
+    assert set(promised) | {"bench compare", "bench search"} <= set(ALL)
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_help_ends_with_an_example_that_the_command_would_accept(name: str) -> None:
+    package, *rest = name.split()
+    group = importlib.import_module(f"{package}.cli").main
+    result = CliRunner().invoke(group, [*rest, "--help"], prog_name=f"python -m {package}")
+    assert result.exit_code == 0
+    found = re.search(r"^\s*Examples?:?\s+(.*?)(?:\n\s*\n|\Z)", result.output, re.S | re.M)
+    assert found, f"{name} --help has no example"
+    example = found[1].split()
+    start = ["python", "-m", *name.split()] if example[0] == "python" else name.split()
+    assert example[: len(start)] == start
+    options = {
+        flag for parameter in ALL[name].params for flag in [*parameter.opts, *parameter.secondary_opts]
+    }
+    used = {word.partition("=")[0] for word in example if re.match(r"--?[a-z]", word)} - {"-m"}
+    assert used <= options, f"the example of {name} uses unknown options"
+
+
+@pytest.mark.parametrize("package", COMMANDS)
+def test_the_package_runs_as_a_program(package: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", package, "no-such-command"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr.startswith("error: ")
+    assert done.stderr.count("\n") == 1
