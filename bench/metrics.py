@@ -266,7 +266,7 @@ def step_response(
     step = np.diff(command)
     step = wrap(step) if angular else step
     frames = np.flatnonzero(np.abs(step) > minimum) + 1
-    ends = np.append(frames[1:], len(command))
+    ends = np.append(frames, len(command))[1:]
     answers = []
     for start, end in zip(frames, ends, strict=True):
         if end - start < hold * fps:
