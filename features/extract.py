@@ -1,0 +1,234 @@
+"""From poses to feature vectors: every column of a schema for every frame."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from motion import quat
+from motion.errors import UserError
+from motion.pose import Poses
+from motion.skeleton import Skeleton
+
+from . import custom
+from .schema import Feature, Schema
+
+Array = NDArray[np.floating]
+
+CHUNK = 4096  # frames at a time: what they need stays in the cache, and memory bounded
+
+
+def extract(
+    schema: Schema, skeleton: Skeleton, fps: float, poses: Poses, starts: ArrayLike, stops: ArrayLike
+) -> NDArray[np.float32]:
+    """Raw features (not normalised), float32 [T, F], columns as `schema.columns`.
+
+    Ranges starts [R], stops [R] (exclusive) cover the T frames one after the other. Trajectory samples beyond a
+    range's end are its end frame's (REFERENCE 2.2), so no feature crosses ranges. A sample time between two frames
+    is interpolated between them, so a schema means the same at any frame rate. Joint velocities are the world's in
+    the root's frame, as REFERENCE 2.2's public implementation has them.
+
+    A role that the skeleton lacks, an unregistered custom function or one that answers with another shape or with
+    numbers that are not finite is a UserError.
+    """
+    check_roles(schema, skeleton)
+    raw = np.empty((len(poses), schema.size), np.float32)
+    samples = _Samples(poses, fps, starts, stops)
+    for begin in range(0, len(poses), CHUNK):
+        part = slice(begin, min(begin + CHUNK, len(poses)))
+        context = Context(skeleton, poses, samples, part)
+        for feature in schema.features:
+            raw[part, schema.slices[feature.name]] = _block(feature, context)
+    return raw
+
+
+def check_roles(schema: Schema, skeleton: Skeleton) -> None:
+    """A role that the schema names and the skeleton lacks is a UserError with feature, role and joints."""
+    for feature in schema.features:
+        if feature.role is not None:
+            try:
+                skeleton.role(feature.role)
+            except UserError as error:
+                what = f"schema {schema.name!r}, feature {feature.name!r}: {error.what}"
+                raise UserError(what, remedy=error.remedy) from error
+
+
+class Context:
+    """What a feature is computed from, for n consecutive frames; joints are evaluated when first asked for.
+
+    All that the methods return is in the frame of each frame's ground root: origin on the ground under the
+    character, +Z its facing.
+
+    Attributes
+    ----------
+    skeleton : J joints, joint 0 the ground root.
+    fps : frames per second.
+    frames : slice of the n frames in `poses`.
+    poses : all T frames, local transforms as the database holds them.
+    """
+
+    def __init__(self, skeleton: Skeleton, poses: Poses, samples: _Samples, frames: slice) -> None:
+        self.skeleton, self.fps, self.poses, self.frames = skeleton, samples.fps, poses, frames
+        self._samples = samples
+        self._placed: dict[int, tuple[Array, Array]] = {}
+        self._moved: dict[int, tuple[Array, Array]] = {}
+
+    def __len__(self) -> int:
+        return self.frames.stop - self.frames.start
+
+    def position(self, role: str) -> Array:
+        """Position [n, 3] of a joint, metres."""
+        return self._place(self.skeleton.role(role))[0]
+
+    def rotation(self, role: str) -> Array:
+        """Rotation [n, 4] of a joint."""
+        return self._place(self.skeleton.role(role))[1]
+
+    def velocity(self, role: str) -> Array:
+        """Velocity [n, 3] of a joint, m/s: the world's, expressed in the root's frame."""
+        return self._move(self.skeleton.role(role))[0]
+
+    def angular_velocity(self, role: str) -> Array:
+        """Angular velocity [n, 3] of a joint, rad/s: the world's, expressed in the root's frame."""
+        return self._move(self.skeleton.role(role))[1]
+
+    def trajectory_positions(self, times: ArrayLike) -> Array:
+        """Ground root (x, z) [n, K, 2] at times [K] seconds from each frame, metres."""
+        times = np.atleast_1d(np.asarray(times, np.float64))
+        here = self._samples.positions[self.frames, None]
+        return self._turn(self._samples.at(self._samples.positions, times, self.frames) - here)
+
+    def trajectory_directions(self, times: ArrayLike) -> Array:
+        """Facing (x, z) [n, K, 2], unit length, of the ground root at times [K] seconds from each frame."""
+        times = np.atleast_1d(np.asarray(times, np.float64))
+        found = self._samples.at(self._samples.facings, times, self.frames)
+        length = np.sqrt(np.sum(found * found, axis=-1, keepdims=True))
+        return self._turn(found / np.where(length > 0, length, 1))
+
+    def _turn(self, vectors: Array) -> Array:
+        """World (x, z) [n, K, 2] into the frames of the roots."""
+        facing = self._samples.facings[self.frames, None]
+        sin, cos, x, z = facing[..., 0], facing[..., 1], vectors[..., 0], vectors[..., 1]
+        return np.stack([cos * x - sin * z, sin * x + cos * z], axis=-1)
+
+    def _place(self, joint: int) -> tuple[Array, Array]:
+        """Position and rotation of a joint, from its parent's."""
+        if joint not in self._placed:
+            position = self.poses.positions[self.frames, joint]
+            rotation = self.poses.rotations[self.frames, joint]
+            parent = int(self.skeleton.parents[joint])
+            if parent < 0:
+                position, rotation = np.zeros_like(position), np.broadcast_to(_IDENTITY, rotation.shape)
+            elif parent > 0:
+                parent_position, parent_rotation = self._place(parent)
+                position = parent_position + quat.rotate(parent_rotation, position)
+                rotation = quat.mul(parent_rotation, rotation)
+            self._placed[joint] = position, rotation
+        return self._placed[joint]
+
+    def _move(self, joint: int) -> tuple[Array, Array]:
+        """Velocity and angular velocity of a joint: v_p + R_p v' + w_p x R_p x' and w_p + R_p w'."""
+        if joint not in self._moved:
+            velocity = self.poses.velocities[self.frames, joint]
+            angular = self.poses.angular_velocities[self.frames, joint]
+            parent = int(self.skeleton.parents[joint])
+            if parent < 0:
+                inverse = quat.inv(self.poses.rotations[self.frames, joint])
+                self._moved[joint] = quat.rotate(inverse, velocity), quat.rotate(inverse, angular)
+            else:
+                parent_position, parent_rotation = self._place(parent)
+                parent_velocity, parent_angular = self._move(parent)
+                arm = self._place(joint)[0] - parent_position
+                if parent > 0:
+                    velocity, angular = quat.rotate(parent_rotation, velocity), quat.rotate(parent_rotation, angular)
+                velocity = parent_velocity + velocity + np.cross(parent_angular, arm)
+                self._moved[joint] = velocity, parent_angular + angular
+        return self._moved[joint]
+
+
+class _Samples:
+    """The ground root's path and facing over all frames, and its samples at other times."""
+
+    def __init__(self, poses: Poses, fps: float, starts: ArrayLike, stops: ArrayLike) -> None:
+        starts, stops = np.asarray(starts, np.int64), np.asarray(stops, np.int64)
+        edges = np.append(starts, len(poses))
+        if not np.array_equal(edges[1:], stops) or edges[0] != 0 or np.any(stops <= starts):
+            raise ValueError(f"ranges {starts} to {stops} do not cover {len(poses)} frames one after the other")
+        self.poses, self.fps = poses, float(fps)
+        self.first = np.repeat(starts, stops - starts)
+        self.last = np.repeat(stops - 1, stops - starts)
+
+    @cached_property
+    def positions(self) -> Array:
+        """x, z of the ground root in the world [T, 2]."""
+        return np.ascontiguousarray(self.poses.positions[:, 0, ::2])
+
+    @cached_property
+    def facings(self) -> Array:
+        """x, z of its +Z axis in the world [T, 2], unit length."""
+        w, x, y, z = self.poses.rotations[:, 0].T
+        facing = np.stack([2 * (x * z + w * y), 1 - 2 * (x * x + y * y)], axis=-1)
+        return facing / np.maximum(np.linalg.norm(facing, axis=-1, keepdims=True), 1e-12)
+
+    def at(self, values: Array, times: NDArray[np.float64], frames: slice) -> Array:
+        """Values [T, 2] at times [K] seconds from frames: [n, K, 2]; between two frames, interpolated."""
+        shift = times * self.fps
+        whole = np.where(np.abs(shift - np.rint(shift)) < 1e-3, np.rint(shift), np.floor(shift)).astype(np.int64)
+        part = np.maximum(shift - whole, 0).astype(values.dtype)
+        part[part < 1e-3] = 0
+        here = np.arange(frames.start, frames.stop)[:, None] + whole
+        first, last = self.first[frames, None], self.last[frames, None]
+        found = values[np.clip(here, first, last)]
+        if np.any(part):
+            found += part[:, None] * (values[np.clip(here + 1, first, last)] - found)
+        return found
+
+
+_IDENTITY = np.array([1, 0, 0, 0], np.float32)
+_AXES = {"x": np.eye(3, dtype=np.float32)[0], "y": np.eye(3, dtype=np.float32)[1], "z": np.eye(3, dtype=np.float32)[2]}
+
+
+def _block(feature: Feature, context: Context) -> Array:
+    """A feature's columns for a context's frames, [n, k]."""
+    match feature.kind:
+        case "position":
+            return context.position(str(feature.role))
+        case "velocity":
+            return context.velocity(str(feature.role))
+        case "angular_velocity":
+            return context.angular_velocity(str(feature.role))
+        case "height":
+            return context.position(str(feature.role))[:, 1:2]
+        case "heading":
+            return _heading(context.rotation(str(feature.role)), feature.axis)
+        case "trajectory_position":
+            return context.trajectory_positions(feature.times).reshape(len(context), -1)
+        case "trajectory_direction":
+            return context.trajectory_directions(feature.times).reshape(len(context), -1)
+        case _:
+            return _custom(feature, context)
+
+
+def _heading(rotation: Array, axis: str) -> Array:
+    """x, z of an axis of the joint, on the ground plane and of unit length; 0 where it points up or down."""
+    own = _AXES[axis[1]] * (-1 if axis[0] == "-" else 1)
+    forward = quat.rotate(rotation, np.broadcast_to(own.astype(rotation.dtype), (*rotation.shape[:-1], 3)))[:, ::2]
+    length = np.linalg.norm(forward, axis=-1, keepdims=True)
+    return forward / np.where(length > 1e-6, length, np.inf)
+
+
+def _custom(feature: Feature, context: Context) -> Array:
+    columns: Any = np.asarray(custom.find(str(feature.function)).function(context))
+    expected = (len(context), len(feature.columns))
+    if columns.shape != expected:
+        raise UserError(
+            f"custom feature {feature.name!r} returned shape {columns.shape}, expected {expected}",
+            remedy=f"return one row a frame with the columns {', '.join(feature.columns)}",
+        )
+    if not np.all(np.isfinite(columns)):
+        frame = context.frames.start + int(np.argmin(np.all(np.isfinite(columns), axis=1)))
+        raise UserError(f"custom feature {feature.name!r} is not finite at frame {frame}")
+    return columns
