@@ -44,11 +44,11 @@ clean:
 # The stamps are written last, so that an interrupted installation is taken up again.
 $(BIN)/python:
 	@python=; \
-	for name in $(PYTHON) python3.11 python3.12 python3.13 python3 python; do \
+	for name in $(or $(PYTHON),python3.11 python3.12 python3.13 python3 python); do \
 	  if "$$name" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1; then python=$$name; break; fi; \
 	done; \
 	if [ -z "$$python" ]; then \
-	  echo "error: no Python 3.11 or later found; install it, or name it: make PYTHON=/path/to/python3" >&2; exit 2; \
+	  echo "error: no Python 3.11 or later at $(or $(PYTHON),python3 and its like); name one: make PYTHON=/path/to/python3" >&2; exit 2; \
 	fi; \
 	if ! "$$python" -c 'import venv, ensurepip' >/dev/null 2>&1; then \
 	  echo "error: $$python lacks its venv module; on Debian or Ubuntu: apt install python3-venv" >&2; exit 2; \
