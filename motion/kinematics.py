@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from . import kinematics_kernels as kernels
 from . import quat
 from .skeleton import Skeleton
 
@@ -12,10 +13,17 @@ Array = NDArray[np.floating]
 
 
 def forward(skeleton: Skeleton, positions: Array, rotations: Array) -> tuple[Array, Array]:
-    """World transforms from local ones, level by level of the hierarchy.
+    """World transforms from local ones.
 
     positions [..., J, 3] metres, rotations [..., J, 4]; returns the same shapes.
     """
+    world_pos, world_rot = np.empty_like(positions, order="C"), np.empty_like(rotations, order="C")
+    kernels.forward(skeleton.parents, *map(_flat, (positions, rotations, world_pos, world_rot)))
+    return world_pos, world_rot
+
+
+def forward_numpy(skeleton: Skeleton, positions: Array, rotations: Array) -> tuple[Array, Array]:
+    """The obvious twin of `forward`: level by level of the hierarchy."""
     world_pos, world_rot = positions.copy(), rotations.copy()
     for joints in skeleton.levels()[1:]:
         parent_rot = world_rot[..., skeleton.parents[joints], :]
@@ -36,6 +44,16 @@ def forward_velocities(
 
         v_j = v_p + R_p v_j' + w_p x R_p x_j',   w_j = w_p + R_p w_j'
     """
+    given = (positions, rotations, velocities, angular)
+    world = tuple(np.empty_like(array, order="C") for array in given)
+    kernels.forward_velocities(skeleton.parents, *map(_flat, (*given, *world)))
+    return world
+
+
+def forward_velocities_numpy(
+    skeleton: Skeleton, positions: Array, rotations: Array, velocities: Array, angular: Array
+) -> tuple[Array, Array, Array, Array]:
+    """The obvious twin of `forward_velocities`: level by level of the hierarchy."""
     world_pos, world_rot = positions.copy(), rotations.copy()
     world_vel, world_ang = velocities.copy(), angular.copy()
     for joints in skeleton.levels()[1:]:
@@ -55,6 +73,13 @@ def forward_velocities(
 
 def local(skeleton: Skeleton, world_pos: Array, world_rot: Array) -> tuple[Array, Array]:
     """Inverse of `forward`."""
+    positions, rotations = np.empty_like(world_pos, order="C"), np.empty_like(world_rot, order="C")
+    kernels.local(skeleton.parents, *map(_flat, (world_pos, world_rot, positions, rotations)))
+    return positions, rotations
+
+
+def local_numpy(skeleton: Skeleton, world_pos: Array, world_rot: Array) -> tuple[Array, Array]:
+    """The obvious twin of `local`."""
     positions, rotations = world_pos.copy(), world_rot.copy()
     child = np.arange(1, len(skeleton))
     inverse = quat.inv(world_rot[..., skeleton.parents[child], :])
@@ -63,6 +88,11 @@ def local(skeleton: Skeleton, world_pos: Array, world_rot: Array) -> tuple[Array
         inverse, world_pos[..., child, :] - world_pos[..., skeleton.parents[child], :]
     )
     return positions, rotations
+
+
+def _flat(array: Array) -> Array:
+    """[..., J, C] as the kernels' [T, J, C]."""
+    return np.ascontiguousarray(array).reshape(-1, *array.shape[-2:])
 
 
 def _central(step: Array, fps: float) -> Array:
@@ -89,5 +119,15 @@ def velocities(positions: Array, fps: float) -> Array:
 
 def angular_velocities(rotations: Array, fps: float) -> Array:
     """Angular velocity [T, ..., 3] (rad/s, in the parent's frame) of rotations [T, ..., 4]."""
-    step = quat.log(quat.shortest(quat.mul(rotations[1:], quat.inv(rotations[:-1]))))
-    return _central(step, fps)
+    steps = np.empty((max(len(rotations) - 1, 0), *rotations.shape[1:-1], 3), rotations.dtype)
+    joints = rotations[0, ..., 0].size if len(rotations) else 1
+    kernels.rotation_steps(
+        np.ascontiguousarray(rotations).reshape(-1, joints, 4), steps.reshape(-1, joints, 3)
+    )
+    return _central(steps, fps)
+
+
+def angular_velocities_numpy(rotations: Array, fps: float) -> Array:
+    """The obvious twin of `angular_velocities`."""
+    steps = quat.log(quat.shortest(quat.mul(rotations[1:], quat.inv(rotations[:-1]))))
+    return _central(steps, fps)
