@@ -26,13 +26,13 @@ def extract(
 ) -> NDArray[np.float32]:
     """Raw features (not normalised), float32 [T, F], columns as `schema.columns`.
 
-    Ranges starts [R], stops [R] (exclusive) cover the T frames one after the other. Trajectory samples beyond a
-    range's end are its end frame's (REFERENCE 2.2), so no feature crosses ranges. A sample time between two frames
-    is interpolated between them, so a schema means the same at any frame rate. Joint velocities are the world's in
-    the root's frame, as REFERENCE 2.2's public implementation has them.
+    Ranges starts [R], stops [R] (exclusive) cover the T frames one after the other. Trajectory samples beyond
+    a range's end are its end frame's (REFERENCE 2.2), so no feature crosses ranges. A sample time between two
+    frames is interpolated between them, so a schema means the same at any frame rate. Joint velocities are
+    the world's in the root's frame, as REFERENCE 2.2's public implementation has them.
 
-    A role that the skeleton lacks, an unregistered custom function or one that answers with another shape or with
-    numbers that are not finite is a UserError.
+    A role that the skeleton lacks, an unregistered custom function or one that answers with another shape or
+    with numbers that are not finite is a UserError.
     """
     check_roles(schema, skeleton)
     raw = np.empty((len(poses), schema.size), np.float32)
@@ -117,8 +117,8 @@ class Context:
     def _place(self, joint: int) -> tuple[Array, Array]:
         """Position and rotation of a joint, from its parent's."""
         if joint not in self._placed:
-            position = self.poses.positions[self.frames, joint]
-            rotation = self.poses.rotations[self.frames, joint]
+            position: Array = self.poses.positions[self.frames, joint]
+            rotation: Array = self.poses.rotations[self.frames, joint]
             parent = int(self.skeleton.parents[joint])
             if parent < 0:
                 position, rotation = np.zeros_like(position), np.broadcast_to(_IDENTITY, rotation.shape)
@@ -132,8 +132,8 @@ class Context:
     def _move(self, joint: int) -> tuple[Array, Array]:
         """Velocity and angular velocity of a joint: v_p + R_p v' + w_p x R_p x' and w_p + R_p w'."""
         if joint not in self._moved:
-            velocity = self.poses.velocities[self.frames, joint]
-            angular = self.poses.angular_velocities[self.frames, joint]
+            velocity: Array = self.poses.velocities[self.frames, joint]
+            angular: Array = self.poses.angular_velocities[self.frames, joint]
             parent = int(self.skeleton.parents[joint])
             if parent < 0:
                 inverse = quat.inv(self.poses.rotations[self.frames, joint])
@@ -143,7 +143,10 @@ class Context:
                 parent_velocity, parent_angular = self._move(parent)
                 arm = self._place(joint)[0] - parent_position
                 if parent > 0:
-                    velocity, angular = quat.rotate(parent_rotation, velocity), quat.rotate(parent_rotation, angular)
+                    velocity, angular = (
+                        quat.rotate(parent_rotation, velocity),
+                        quat.rotate(parent_rotation, angular),
+                    )
                 velocity = parent_velocity + velocity + np.cross(parent_angular, arm)
                 self._moved[joint] = velocity, parent_angular + angular
         return self._moved[joint]
@@ -156,7 +159,9 @@ class _Samples:
         starts, stops = np.asarray(starts, np.int64), np.asarray(stops, np.int64)
         edges = np.append(starts, len(poses))
         if not np.array_equal(edges[1:], stops) or edges[0] != 0 or np.any(stops <= starts):
-            raise ValueError(f"ranges {starts} to {stops} do not cover {len(poses)} frames one after the other")
+            raise ValueError(
+                f"ranges {starts} to {stops} do not cover {len(poses)} frames one after the other"
+            )
         self.poses, self.fps = poses, float(fps)
         self.first = np.repeat(starts, stops - starts)
         self.last = np.repeat(stops - 1, stops - starts)
@@ -176,7 +181,9 @@ class _Samples:
     def at(self, values: Array, times: NDArray[np.float64], frames: slice) -> Array:
         """Values [T, 2] at times [K] seconds from frames: [n, K, 2]; between two frames, interpolated."""
         shift = times * self.fps
-        whole = np.where(np.abs(shift - np.rint(shift)) < 1e-3, np.rint(shift), np.floor(shift)).astype(np.int64)
+        whole = np.where(np.abs(shift - np.rint(shift)) < 1e-3, np.rint(shift), np.floor(shift)).astype(
+            np.int64
+        )
         part = np.maximum(shift - whole, 0).astype(values.dtype)
         part[part < 1e-3] = 0
         here = np.arange(frames.start, frames.stop)[:, None] + whole
@@ -188,7 +195,7 @@ class _Samples:
 
 
 _IDENTITY = np.array([1, 0, 0, 0], np.float32)
-_AXES = {"x": np.eye(3, dtype=np.float32)[0], "y": np.eye(3, dtype=np.float32)[1], "z": np.eye(3, dtype=np.float32)[2]}
+_AXES = dict(zip("xyz", np.eye(3, dtype=np.float32), strict=True))
 
 
 def _block(feature: Feature, context: Context) -> Array:
@@ -215,7 +222,9 @@ def _block(feature: Feature, context: Context) -> Array:
 def _heading(rotation: Array, axis: str) -> Array:
     """x, z of an axis of the joint, on the ground plane and of unit length; 0 where it points up or down."""
     own = _AXES[axis[1]] * (-1 if axis[0] == "-" else 1)
-    forward = quat.rotate(rotation, np.broadcast_to(own.astype(rotation.dtype), (*rotation.shape[:-1], 3)))[:, ::2]
+    forward = quat.rotate(rotation, np.broadcast_to(own.astype(rotation.dtype), (*rotation.shape[:-1], 3)))[
+        :, ::2
+    ]
     length = np.linalg.norm(forward, axis=-1, keepdims=True)
     return forward / np.where(length > 1e-6, length, np.inf)
 

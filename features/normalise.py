@@ -15,10 +15,11 @@ CONSTANT = 1e30  # scale of what must not count: finite, so that denormalising g
 def fit(schema: Schema, raw: Array) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Offset [F] and scale [F] of raw features [T, F]; stored values are (raw - offset) / scale.
 
-    "standard" (REFERENCE 2.2): the offset is the column's mean, the scale the mean over the block's columns of the
-    population standard deviation, divided by the weight. "minmax": the column's minimum, and the mean over the block
-    of maximum - minimum. "none": 0 and 1. A block is a feature, or all features of one group, each with its own
-    weight. A block that does not vary, or has no weight, gets a scale so large that it adds nothing to any cost.
+    "standard" (REFERENCE 2.2): the offset is the column's mean, the scale the mean over the block's columns
+    of the population standard deviation, divided by the weight. "minmax": the column's minimum, and the mean
+    over the block of maximum - minimum. "none": 0 and 1. A block is a feature, or all features of one group,
+    each with its own weight. A block that does not vary, or has no weight, gets a scale so large that it adds
+    nothing to any cost.
     """
     raw = np.asarray(raw)
     if raw.ndim != 2 or raw.shape[1] != schema.size or len(raw) == 0:
@@ -62,8 +63,8 @@ def denormalise(features: Array, offset: Array, scale: Array) -> NDArray[np.floa
 def costs(schema: Schema, queries: Array, rows: Array) -> NDArray[np.float32]:
     """Cost of pairs by feature, float32 ``[..., number of features]``.
 
-    queries and rows ``[..., F]`` are normalised and broadcast: ``[N, 1, F]`` with ``[T, F]`` gives every pair of N
-    queries and T rows. Weights are in the normalisation already. See `Feature.residual` for the residuals.
+    queries and rows ``[..., F]`` are normalised and broadcast: ``[N, 1, F]`` with ``[T, F]`` gives every pair
+    of N queries and T rows. Weights are in the normalisation already; `Feature` has the residuals.
     """
     difference = np.asarray(queries, np.float32) - np.asarray(rows, np.float32)
     out = np.empty((*difference.shape[:-1], len(schema.features)), np.float32)

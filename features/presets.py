@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 from motion.config import choices
 from motion.errors import UserError
@@ -58,9 +59,9 @@ def _o3de59() -> Schema:
     past = (-0.7, -0.525, -0.35, -0.175)
     future = (0.2, 0.4, 0.6, 0.8, 1.0, 1.2)
     now = (0.0,)
-    raw = {"scaler": "none", "kind": "trajectory_direction"}
-    path = {"residual": "path", "kind": "trajectory_position", "group": "trajectory"}
-    joint = {"residual": "absolute"}
+    raw: dict[str, Any] = {"scaler": "none", "kind": "trajectory_direction"}
+    path: dict[str, Any] = {"residual": "path", "kind": "trajectory_position", "group": "trajectory"}
+    joint: dict[str, Any] = {"residual": "absolute"}
     return Schema(
         "o3de59",
         (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -108,6 +108,9 @@ class Feature:
         if self.axis != "+z" and self.kind != "heading":
             raise ConfigError("axis", f"a {self.kind!r} feature has no axis")
         if self.function is not None and not self.columns:
+            if self.function not in custom.names():
+                what = f"no custom feature function {self.function!r} is registered"
+                raise ConfigError("function", what, remedy=choices(custom.names()))
             object.__setattr__(self, "columns", custom.find(self.function).columns)
 
     def column_names(self) -> tuple[str, ...]:
@@ -205,7 +208,7 @@ class Schema:
         """Columns of the trajectory features."""
         return self._columns_of(lambda feature: feature.kind in TRAJECTORY)
 
-    def _columns_of(self, wanted) -> NDArray[np.int64]:
+    def _columns_of(self, wanted: Callable[[Feature], bool]) -> NDArray[np.int64]:
         found = [np.arange(self.size)[self.slices[f.name]] for f in self.features if wanted(f)]
         return np.concatenate(found) if found else np.zeros(0, np.int64)
 

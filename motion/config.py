@@ -91,6 +91,8 @@ def load(cls: type[T], path: str | os.PathLike[str]) -> T:
         where = dotted(error.key)
         what = f"{where}: {error.what}" if where else error.what
         raise UserError(what, path=path, line=line_of(text, error.key), remedy=error.remedy) from error
+    except UserError as error:
+        raise UserError(error.what, path=error.path or path, line=error.line, remedy=error.remedy) from error
 
 
 def dumps(obj: Any) -> str:
@@ -149,7 +151,7 @@ def _convert(kind: Any, value: Any, key: Key) -> Any:
         return value
     if origin in (Union, types.UnionType):
         return _convert_union(args, value, key)
-    if dataclasses.is_dataclass(kind):
+    if isinstance(kind, type) and dataclasses.is_dataclass(kind):
         if isinstance(value, kind):
             return value
         try:

@@ -1,0 +1,53 @@
+"""``python -m features``: look at feature schemas."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from motion import config, console
+
+from . import presets
+from .schema import Schema
+
+
+@console.group("features", "What a frame looks like to a search: feature schemas.")
+def main() -> None:
+    pass
+
+
+@main.command(
+    epilog="Example: python -m features schema lmm27 -o my.toml, then change my.toml "
+    "and give it to: python -m mm build --schema my.toml"
+)
+@click.argument("name")
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="Write the TOML to this file instead.")
+@console.json_option
+def schema(name: str, output: Path | None, as_json: bool) -> None:
+    """Print a schema as TOML, with its columns. NAME is a ready-made schema or a TOML file."""
+    found = Schema.load(name)
+    if output is not None:
+        found.save(output)
+    elif as_json:
+        facts = {"size": found.size, "euclidean": found.euclidean, "fingerprint": found.fingerprint}
+        console.print_json({**found.to_dict(), "columns": found.columns, "roles": found.roles(), **facts})
+    else:
+        click.echo(config.dumps(found.to_dict()))
+        click.echo(f"# {found.size} columns")
+        for feature in found.features:
+            click.echo(f"# {feature.name}: {', '.join(feature.column_names())}")
+
+
+@main.command("list", epilog="Example: python -m features list")
+@console.json_option
+def list_(as_json: bool) -> None:
+    """List the ready-made schemas."""
+    rows = [
+        {"schema": name, "columns": presets.get(name).size, "features": len(presets.get(name).features)}
+        for name in presets.names()
+    ]
+    if as_json:
+        console.print_json(rows)
+    else:
+        console.print_table(rows)
