@@ -1,0 +1,331 @@
+"""The controller: any three stages, and all that surrounds them, for N characters at once.
+
+Each step: take commands in and predict the trajectory; where a search is due, build the query, project, and jump
+if the candidate is cheaper than playing on; step; decompress; inertialize; keep the character with its
+simulated object; hold the feet.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+
+import numpy as np
+from features import normalise
+from numpy.typing import ArrayLike, NDArray
+
+from motion.errors import UserError
+from motion.pose import Poses
+
+from . import characters as state_types
+from . import kernels, kernels_numpy, search, springs, stages
+from . import settings as settings_types
+from .control import Command
+from .database import Database
+from .feet import find_legs
+from .settings import Settings
+
+STAGES = (
+    "prediction",
+    "query",
+    "projection",
+    "stepping",
+    "decompression",
+    "inertialization",
+    "synchronization",
+    "foot lock",
+)
+
+
+class Controller:
+    """Drives N characters by commands; implements `mm.control.System`.
+
+    Parameters
+    ----------
+    database : what the characters play.
+    count : N.
+    settings : see `mm.settings.Settings`.
+    index : a search index's name, or one already built on this database (with the same settings' ignore_end).
+    three_stages : other stages than the classical ones; index is then not used.
+    obstacles : float [M, 5], boxes and circles on the ground: centre x, z, half widths x, z, radius.
+    compiled : use the compiled kernels; False takes their NumPy twins, for tests.
+    name : what reports call this system.
+
+    `stage_seconds` holds the time of the last step by stage when `timed` is set.
+    """
+
+    def __init__(
+        self,
+        database: Database,
+        *,
+        count: int = 1,
+        settings: Settings | None = None,
+        index: str | search.Index = "exact",
+        three_stages: stages.Stages | None = None,
+        obstacles: ArrayLike = (),
+        compiled: bool = True,
+        name: str | None = None,
+    ) -> None:
+        if count < 1:
+            raise UserError(f"{count} characters", remedy="ask for one or more")
+        self.database, self.count = database, count
+        self.settings = settings = settings or Settings()
+        self.skeleton, self.fps = database.skeleton, database.fps
+        self._kernels = kernels if compiled else kernels_numpy
+        self._settings = settings_types.record(settings, database.fps)
+        self._obstacles = np.asarray(obstacles, np.float32).reshape(-1, 5)
+        ignore_end = round(settings.ignore_end * database.fps)
+        if three_stages is None:
+            index = build_index(database, index, settings) if isinstance(index, str) else index
+            three_stages = stages.classical(
+                database,
+                index,
+                ignore_radius=round(settings.ignore_radius * database.fps),
+                ignore_end=ignore_end,
+                gather=self._kernels.gather,
+            )
+            name = name or f"mm {index.name}"
+        self.name = name or "controller"
+        self.stages = three_stages
+
+        layout = database.schema.trajectory()
+        self._layout = layout
+        self._columns = (layout.position_columns.astype(np.int64), layout.direction_columns.astype(np.int64))
+        future, past = layout.times > 0, layout.times < 0
+        self._future_times = layout.times[future].astype(np.float32)
+        self._future_slots = np.flatnonzero(future)
+        self._past_slots = np.flatnonzero(past)
+        self._past_frames = np.round(-layout.times[past] * database.fps).astype(np.int64)
+        self._present_slots = np.flatnonzero(layout.times == 0)
+        self._normalisation = (stages.plain(database.offset), stages.plain(database.scale))
+        self._euclidean = database.schema.euclidean
+        self._legs = find_legs(database, foot_height=settings.foot_height) if settings.foot_lock else None
+        self._parents = stages.plain(database.skeleton.parents)
+
+        joints, feet = len(self.skeleton), len(database.contact_roles)
+        self.characters = np.zeros(count, state_types.CHARACTER)
+        self._feet = np.zeros((count, feet), state_types.FOOT)
+        self._playing, self._shown = Poses.empty(count, joints), Poses.empty(count, joints)
+        self._offsets = np.zeros((count, joints, 4, 3), np.float32)
+        self._contacts = np.zeros((count, feet), np.uint8)
+        # What is shown differs from what the next transition starts from by the locked feet's rotations alone.
+        self._rotations = self._shown.rotations.copy()
+        shown = self._shown
+        self._pose = Poses(shown.positions, self._rotations, shown.velocities, shown.angular_velocities)
+        self._trajectory = np.zeros((count, len(layout), 3), np.float32)
+        self._history = np.zeros((count, 1 + int(self._past_frames.max(initial=0)), 3), np.float32)
+        self._head = 0
+        self._queries = np.zeros((count, database.schema.size), np.float32)
+        self._candidates = np.full(count, -1, np.int32)
+        self._cost_current = np.full(count, np.nan, np.float32)
+        self._cost_candidate = np.full(count, np.nan, np.float32)
+        self._moved = np.zeros(count, np.bool_)
+        self.timed = False
+        self._lap_start = 0.0
+        self.stage_seconds = dict.fromkeys(STAGES, 0.0)
+        self.reset(np.zeros((count, 2), np.float32), np.zeros(count, np.float32))
+
+    def reset(self, positions: ArrayLike, yaws: ArrayLike) -> None:
+        """Put the characters at positions [N, 2] (x, z), facing yaws [N], at rest."""
+        positions = np.broadcast_to(np.asarray(positions, np.float32), (self.count, 2))
+        yaws = np.broadcast_to(np.asarray(yaws, np.float32), (self.count,))
+        self.characters[:] = np.zeros((), state_types.CHARACTER)
+        self.characters["position"] = positions
+        self.characters["yaw"] = self.characters["desired_yaw"] = springs.wrap(yaws)
+        for name in ("root", "data_root"):
+            self.characters[name][:, :2] = positions
+            self.characters[name][:, 2] = springs.wrap(yaws)
+        self._feet[:] = np.zeros((), state_types.FOOT)
+        self._feet["target"] = np.nan
+        self._offsets[:] = 0
+        self._history[:] = self.characters["root"][:, None]
+        self.state = self.stages.stepping.start(self.count)
+        self.stages.decompression.decompress(self.state, self._playing, self._contacts)
+        for shown, playing in zip(self._shown.arrays().values(), self._playing.arrays().values(), strict=True):
+            shown[:] = playing
+        self._write_root()
+        np.copyto(self._rotations, self._shown.rotations)
+        self._moved[:] = False
+        self._candidates[:] = -1
+        self._cost_current[:] = self._cost_candidate[:] = np.nan
+
+    def step(self, command: Command) -> Poses:
+        """Advance one frame, 1 / fps. Returns the poses [N] shown, valid until the next step."""
+        if len(command) != self.count:
+            raise ValueError(f"{len(command)} commands for {self.count} characters")
+        characters, settings, shown = self.characters, self._settings, self._shown
+        self._lap_start = time.perf_counter()
+        self._kernels.control(
+            characters, command.velocity, command.yaw, command.turn_rate, settings, self._obstacles,
+            self._future_times, self._future_slots, self._trajectory,
+        )  # fmt: skip
+        self._fill_past()
+        self._lap("prediction")
+        self._search(command)
+        self.stages.stepping.step(self.state)
+        self._lap("stepping")
+        self.stages.decompression.decompress(self.state, self._playing, self._contacts)
+        self._lap("decompression")
+        self._kernels.inertialize(
+            characters, settings, self._offsets,
+            self._playing.positions, self._playing.rotations,
+            self._playing.velocities, self._playing.angular_velocities,
+            shown.positions, shown.rotations, shown.velocities, shown.angular_velocities,
+        )  # fmt: skip
+        self._lap("inertialization")
+        self._kernels.synchronize(
+            characters, settings, self._obstacles,
+            shown.positions, shown.rotations, shown.velocities, shown.angular_velocities,
+        )  # fmt: skip
+        self._lap("synchronization")
+        np.copyto(self._rotations, shown.rotations)
+        if self._legs is not None:
+            legs = self._legs
+            self._kernels.lock_feet(
+                self._feet, self._contacts, settings, self._parents, legs.needed, legs.joints, legs.hinges,
+                legs.heights, shown.positions, self._rotations,
+            )  # fmt: skip
+        self._lap("foot lock")
+        return self._pose
+
+    def _search(self, command: Command) -> None:
+        """Where a search is due, look for a better place in the data and jump there."""
+        self._moved[:] = False
+        ended = self.state.ended()
+        searching = self.characters["searching"]
+        searching |= ended
+        who = np.flatnonzero(searching)
+        if len(who) == 0:
+            self._lap("query")
+            self._lap("projection")
+            return
+        state = self.state.take(who)
+        features, queries = state.features(), np.empty((len(who), self._queries.shape[1]), np.float32)
+        self._kernels.build_queries(
+            self.characters, who, features, self._trajectory, *self._columns, *self._normalisation, queries
+        )
+        current = self.costs(queries, features)
+        # Where the data ends, playing on is impossible at any cost.
+        current[ended[who]] = np.inf
+        bound = current * np.float32(1 - self.settings.continuing_bias)
+        self._lap("query")
+        candidates, costs, found = self.stages.projection.project(
+            queries, state, bound, command.required_tags[who], command.forbidden_tags[who]
+        )
+        self._queries[who] = queries
+        self._candidates[who] = np.where(found, candidates.frames(), -1)
+        self._cost_current[who], self._cost_candidate[who] = current, costs
+        stuck = ended[who] & ~found
+        if stuck.any():
+            raise UserError(
+                f"character {who[stuck][0]} is at the end of its clip and no frame may follow",
+                remedy="ask for tags that the database bears, or build it from longer clips",
+            )
+        if found.any():
+            self._jump(who[found], candidates.take(np.flatnonzero(found)))
+        self._lap("projection")
+
+    def _jump(self, who: NDArray[np.int64], destination: stages.State) -> None:
+        """Transition characters who to the destination states, inertialized."""
+        poses = Poses.empty(len(who), len(self.skeleton))
+        contacts = np.empty((len(who), self._contacts.shape[1]), np.uint8)
+        self.stages.decompression.decompress(destination, poses, contacts)
+        shown = self._shown
+        self._kernels.transition(
+            who, self.characters,
+            shown.positions, shown.rotations, shown.velocities, shown.angular_velocities, self._offsets,
+            poses.positions, poses.rotations, poses.velocities, poses.angular_velocities,
+        )  # fmt: skip
+        self.state.put(who, destination)
+        self._moved[who] = True
+
+    def _fill_past(self) -> None:
+        """Past and present trajectory samples: where the root was shown."""
+        if self._past_slots.size or self._present_slots.size:
+            root = self.characters["root"]
+            self._head = (self._head + 1) % self._history.shape[1]
+            self._history[:, self._head] = root
+            back = (self._head - self._past_frames) % self._history.shape[1]
+            self._trajectory[:, self._past_slots] = self._history[:, back]
+            self._trajectory[:, self._present_slots] = root[:, None]
+
+    def _write_root(self) -> None:
+        """Joint 0 of the pose shown, from the characters' roots."""
+        root, shown = self.characters["root"], self._shown
+        shown.positions[:, 0] = np.stack([root[:, 0], np.zeros(self.count), root[:, 1]], axis=-1)
+        shown.rotations[:, 0] = 0
+        shown.rotations[:, 0, 0], shown.rotations[:, 0, 2] = np.cos(root[:, 2] / 2), np.sin(root[:, 2] / 2)
+        shown.velocities[:, 0] = shown.angular_velocities[:, 0] = 0
+
+    def costs(self, queries: NDArray[np.float32], features: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Total cost [M] of normalised features [M, F] for queries [M, F], as the search counts it."""
+        if self._euclidean:
+            difference = queries - features
+            return np.einsum("mf,mf->m", difference, difference)
+        return normalise.costs(self.database.schema, queries, features).sum(axis=-1)
+
+    def _lap(self, stage: str) -> None:
+        """Book the time since the last lap under a stage."""
+        if self.timed:
+            now = time.perf_counter()
+            self.stage_seconds[stage] = now - self._lap_start
+            self._lap_start = now
+
+    def record(self) -> dict[str, NDArray]:
+        """What the last step did; copies with leading axis N. Keys: see `mm.recording`."""
+        c = self.characters
+        features = self.state.features()
+        return {
+            "command_velocity": c["desired_velocity"].copy(),
+            "command_yaw": c["desired_yaw"].copy(),
+            "simulation_position": c["position"].copy(),
+            "simulation_velocity": c["velocity"].copy(),
+            "simulation_yaw": c["yaw"].copy(),
+            "positions": self._shown.positions.copy(),
+            "rotations": self._rotations.copy(),
+            "contacts": self._contacts.copy(),
+            "locked": self._feet["locked"].copy(),
+            "frame": self.state.frames().copy(),
+            "searched": c["searching"].copy(),
+            "forced": c["forced"].copy(),
+            "transition": self._moved.copy(),
+            "query": self._queries.copy(),
+            "candidate": self._candidates.copy(),
+            "cost_current": self._cost_current.copy(),
+            "cost_candidate": self._cost_candidate.copy(),
+            "feature_costs": normalise.costs(self.database.schema, self._queries, features),
+            "trajectory": self._trajectory.copy(),
+        }
+
+    def memory(self) -> dict[str, int]:
+        """Bytes by part: what the stages hold, and the state of one character."""
+        state = (self.characters, self._feet, self._offsets, self._contacts, self._trajectory, self._history)
+        poses = (*self._playing.arrays().values(), *self._shown.arrays().values(), self._rotations)
+        parts: dict[str, int] = {}
+        for stage in (self.stages.projection, self.stages.stepping, self.stages.decompression):
+            parts |= stage.memory()
+        return parts | {"character": sum(array.nbytes for array in (*state, *poses)) // self.count}
+
+
+def build_index(database: Database, name: str, settings: Settings, **options) -> search.Index:
+    """A search index over a database, with the exclusions of the settings."""
+    return search.build(
+        name,
+        stages.plain(database.features),
+        database.starts,
+        database.stops,
+        ignore_end=round(settings.ignore_end * database.fps),
+        tags=database.tags,
+        schema=database.schema,
+        **options,
+    )
+
+
+def box(x: float, z: float, width: float, depth: float) -> Sequence[float]:
+    """An obstacle: a box on the ground, centre and full widths along x and z."""
+    return x, z, width / 2, depth / 2, 0.0
+
+
+def circle(x: float, z: float, radius: float) -> Sequence[float]:
+    """An obstacle: a circle on the ground."""
+    return x, z, 0.0, 0.0, radius

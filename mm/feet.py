@@ -1,0 +1,76 @@
+"""What foot locking needs to know about a skeleton: legs, knee hinges, resting heights."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motion import kinematics, quat
+from motion.errors import UserError
+
+from .database import Database
+
+_LIMBS = {
+    "toe": ("up_leg", "leg", "foot"),
+    "foot": ("up_leg", "leg", "foot"),
+    "hand": ("arm", "forearm", "hand"),
+}
+# Enough frames for a median; forward kinematics of all of them would take seconds.
+_SAMPLE = 2000
+
+
+@dataclass(eq=False)
+class Legs:
+    """C limbs that touch the ground.
+
+    Attributes
+    ----------
+    joints : int64 [C, 4], upper joint, middle joint, end joint, and the joint that touches the ground.
+    hinges : float32 [C, 3], the middle joint's axis in the upper joint's frame, unit; a positive turn bends.
+    heights : float32 [C], height of the touching joint when it is in contact, metres.
+    needed : int64 [..], every joint from the root to these, parents first.
+    """
+
+    joints: NDArray[np.int64]
+    hinges: NDArray[np.float32]
+    heights: NDArray[np.float32]
+    needed: NDArray[np.int64]
+
+
+def find_legs(database: Database, *, foot_height: float | None = None) -> Legs:
+    """Legs of a database's contact roles; a skeleton without them is a UserError.
+
+    The hinge is the mean over the data of thigh x shin (bent knees weigh more), the height the median over
+    frames in contact, unless foot_height is given.
+    """
+    skeleton = database.skeleton
+    rows = []
+    for role in database.contact_roles:
+        side, _, part = role.partition("_")
+        try:
+            rows.append([skeleton.role(f"{side}_{joint}") for joint in _LIMBS[part]] + [skeleton.role(role)])
+        except (UserError, KeyError) as error:
+            raise UserError(
+                f"foot locking needs the whole leg of the contact {role!r}: {error}",
+                remedy="turn foot locking off, or complete the role map",
+            ) from error
+    joints = np.array(rows, np.int64).reshape(-1, 4)
+    needed = sorted({j for leg in joints for end in (leg[2], leg[3]) for j in skeleton.chain(int(end))})
+    sample = np.unique(np.linspace(0, len(database) - 1, _SAMPLE).astype(np.int64))
+    poses = database.poses[sample]
+    positions, rotations = kinematics.forward(skeleton, poses.positions, poses.rotations)
+    hinges = np.zeros((len(joints), 3), np.float32)
+    heights = np.zeros(len(joints), np.float32)
+    for c, (upper, middle, end, touch) in enumerate(joints):
+        bend = np.cross(positions[:, middle] - positions[:, upper], positions[:, end] - positions[:, middle])
+        axis = quat.rotate(quat.inv(rotations[:, upper]), bend).sum(axis=0)
+        length = np.linalg.norm(axis)
+        hinges[c] = axis / length if length > 0 else (1, 0, 0)
+        height, contact = positions[:, touch, 1], database.contacts[sample, c] != 0
+        if foot_height is not None:
+            heights[c] = foot_height
+        else:
+            heights[c] = np.median(height[contact]) if contact.any() else np.percentile(height, 5)
+    return Legs(joints, hinges, heights, np.array(needed, np.int64))

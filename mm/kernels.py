@@ -1,0 +1,408 @@
+"""The controller's hot loops, compiled; `mm.kernels_numpy` is the obvious twin of every function here.
+
+Arrays: N characters, J joints, K trajectory samples, C feet. A pose is four arrays (positions [.., J, 3],
+rotations [.., J, 4], velocities [.., J, 3], angular velocities [.., J, 3]), local. In a pose that comes out of
+Decompression, joint 0 holds the root's motion: its displacement and turn since the previous frame in the
+previous root's space, its velocity and angular velocity in its own space.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+
+from motion.quat_scalar import between, cross, dot, exp, inv, log_shortest, mul, normalize, rotate
+
+from . import springs
+
+_jit = numba.njit(cache=True, nogil=True, error_model="numpy")
+
+
+@_jit
+def turn(x, z, yaw):
+    """Rotate a ground vector about the vertical: yaw 0 keeps it, pi/2 turns +Z to +X."""
+    c, s = math.cos(yaw), math.sin(yaw)
+    return c * x + s * z, c * z - s * x
+
+
+@_jit
+def push_out(x, z, obstacles, distance):
+    """The nearest point outside every obstacle (rows: x, z, half width x, half width z, radius) by distance."""
+    for k in range(len(obstacles)):
+        ox, oz, hx, hz, radius = obstacles[k]
+        reach = radius + distance
+        dx, dz = x - ox, z - oz
+        ex, ez = abs(dx) - hx, abs(dz) - hz
+        sx, sz = 1.0 if dx >= 0 else -1.0, 1.0 if dz >= 0 else -1.0
+        if ex <= 0 and ez <= 0:
+            # Inside the box: leave through the nearest side.
+            if ex > ez:
+                x = ox + sx * (hx + reach)
+            else:
+                z = oz + sz * (hz + reach)
+            continue
+        ex, ez = max(ex, 0.0), max(ez, 0.0)
+        gap = math.sqrt(ex * ex + ez * ez)
+        if gap < reach:
+            x = x + sx * ex / gap * (reach - gap)
+            z = z + sz * ez / gap * (reach - gap)
+    return x, z
+
+
+@_jit
+def _chase(x, z, vx, vz, ax, az, yaw, yaw_rate, dvx, dvz, dyaw, velocity_halflife, rotation_halflife, dt):
+    """One update of a simulated object towards a desired velocity and facing."""
+    x, vx, ax = springs.simulate(x, vx, ax, dvx, velocity_halflife, dt)
+    z, vz, az = springs.simulate(z, vz, az, dvz, velocity_halflife, dt)
+    offset, yaw_rate = springs.decay(springs.wrap(yaw - dyaw), yaw_rate, rotation_halflife, dt)
+    return x, z, vx, vz, ax, az, dyaw + offset, yaw_rate
+
+
+@_jit
+def control(characters, velocity, yaw, turn_rate, settings, obstacles, times, slots, trajectory):
+    """Take commands in, decide who searches, and predict the trajectory at future times.
+
+    velocity [N, 2], yaw [N], turn_rate [N] (see `mm.control.Command`); times [F] ascending seconds and their
+    slots [F] in trajectory [N, K, 3] (x, z, yaw in the world), which is written.
+    """
+    s = settings[0]
+    dt = s.dt
+    for i in range(len(characters)):
+        c = characters[i]
+        dx, dz = velocity[i, 0] - c.desired_velocity[0], velocity[i, 1] - c.desired_velocity[1]
+        velocity_change = math.sqrt(dx * dx + dz * dz) / dt
+        yaw_change = abs(springs.wrap(yaw[i] - c.desired_yaw)) / dt
+        limit = s.forced_search_rate
+        settled = (c.velocity_change >= limit and velocity_change < limit) or (
+            c.yaw_change >= limit and yaw_change < limit
+        )
+        # Half a frame of tolerance: timers count whole frames, whatever the rounding.
+        c.forced = settled and c.until_forced < dt / 2
+        c.until_forced = s.search_interval if c.forced else c.until_forced - dt
+        c.searching = c.forced or c.until_search < dt / 2
+        c.until_search = (s.search_interval if c.searching else c.until_search) - dt
+        c.velocity_change, c.yaw_change = velocity_change, yaw_change
+        c.desired_velocity[0], c.desired_velocity[1] = velocity[i, 0], velocity[i, 1]
+        c.desired_yaw = yaw[i]
+
+        x, z = c.position[0], c.position[1]
+        vx, vz = c.velocity[0], c.velocity[1]
+        ax, az = c.acceleration[0], c.acceleration[1]
+        angle, rate = c.yaw, c.yaw_rate
+        before = 0.0
+        for k in range(len(times)):
+            turned = turn_rate[i] * times[k]
+            dvx, dvz = turn(velocity[i, 0], velocity[i, 1], turned)
+            x, z, vx, vz, ax, az, angle, rate = _chase(
+                x, z, vx, vz, ax, az, angle, rate, dvx, dvz, yaw[i] + turned,
+                s.velocity_halflife, s.rotation_halflife, times[k] - before,
+            )  # fmt: skip
+            x, z = push_out(x, z, obstacles, s.body_radius)
+            before = times[k]
+            trajectory[i, slots[k], 0] = x
+            trajectory[i, slots[k], 1] = z
+            trajectory[i, slots[k], 2] = angle
+
+
+@_jit
+def build_queries(
+    characters, who, features, trajectory, position_columns, direction_columns, offset, scale, queries
+):
+    """Queries [M, F] of characters who [M]: the current features with the trajectory columns replaced.
+
+    features [M, F] are normalised, of the data frames that play; trajectory [N, K, 3] is in the world and goes
+    into the shown root's frame; columns [K] are -1 where a sample has no such feature.
+    """
+    for m in range(len(who)):
+        root = characters[who[m]].root
+        for f in range(features.shape[1]):
+            queries[m, f] = features[m, f]
+        for k in range(trajectory.shape[1]):
+            x, z, yaw = trajectory[who[m], k]
+            column = position_columns[k]
+            if column >= 0:
+                lx, lz = turn(x - root[0], z - root[1], -root[2])
+                queries[m, column] = (lx - offset[column]) / scale[column]
+                queries[m, column + 1] = (lz - offset[column + 1]) / scale[column + 1]
+            column = direction_columns[k]
+            if column >= 0:
+                dx, dz = math.sin(yaw - root[2]), math.cos(yaw - root[2])
+                queries[m, column] = (dx - offset[column]) / scale[column]
+                queries[m, column + 1] = (dz - offset[column + 1]) / scale[column + 1]
+
+
+@_jit
+def transition(who, characters, positions, rotations, velocities, angular, offsets,
+               to_positions, to_rotations, to_velocities, to_angular):  # fmt: skip
+    """Record the differences of a jump: characters who [M] go from the pose shown to another one [M, J, ..].
+
+    offsets [N, J, 4, 3]: position, rotation (scaled angle axis), velocity, angular velocity of
+    shown minus destination, rotation shown * inverse(destination) on the short side. The root starts where
+    it is shown, so only its velocity differs.
+    """
+    for m in range(len(who)):
+        i = who[m]
+        c = characters[i]
+        for j in range(1, positions.shape[1]):
+            q = mul(
+                (rotations[i, j, 0], rotations[i, j, 1], rotations[i, j, 2], rotations[i, j, 3]),
+                inv((to_rotations[m, j, 0], to_rotations[m, j, 1], to_rotations[m, j, 2], to_rotations[m, j, 3])),
+            )
+            v = log_shortest(q)
+            for a in range(3):
+                offsets[i, j, 0, a] = positions[i, j, a] - to_positions[m, j, a]
+                offsets[i, j, 1, a] = v[a]
+                offsets[i, j, 2, a] = velocities[i, j, a] - to_velocities[m, j, a]
+                offsets[i, j, 3, a] = angular[i, j, a] - to_angular[m, j, a]
+        vx, vz = turn(to_velocities[m, 0, 0], to_velocities[m, 0, 2], c.root[2])
+        for a in range(3):
+            c.data_root[a] = c.root[a]
+            c.root_offset[a] = 0
+        c.root_offset_rate[0] = c.root_rate[0] - vx
+        c.root_offset_rate[1] = c.root_rate[1] - vz
+        c.root_offset_rate[2] = c.root_rate[2] - to_angular[m, 0, 1]
+
+
+@_jit
+def inertialize(characters, settings, offsets, from_positions, from_rotations, from_velocities, from_angular,
+                positions, rotations, velocities, angular):  # fmt: skip
+    """Decay the offsets by one frame and add them to the data's pose, which gives the pose shown.
+
+    The data's root motion moves the root through the world.
+    """
+    dt = settings[0].dt
+    y = springs.half_damping(settings[0].inertialization_halflife)
+    e = math.exp(-y * dt)
+    for i in range(len(characters)):
+        c = characters[i]
+        dx, dz = turn(from_positions[i, 0, 0], from_positions[i, 0, 2], c.data_root[2])
+        c.data_root[0] += dx
+        c.data_root[1] += dz
+        turned = 2 * math.atan2(from_rotations[i, 0, 2], from_rotations[i, 0, 0])
+        c.data_root[2] = springs.wrap(c.data_root[2] + turned)
+        vx, vz = turn(from_velocities[i, 0, 0], from_velocities[i, 0, 2], c.data_root[2])
+        for a in range(3):
+            c.root_offset[a], c.root_offset_rate[a] = springs.decay(
+                c.root_offset[a], c.root_offset_rate[a], settings[0].inertialization_halflife, dt
+            )
+            c.root[a] = c.data_root[a] + c.root_offset[a]
+        c.root_rate[0] = vx + c.root_offset_rate[0]
+        c.root_rate[1] = vz + c.root_offset_rate[1]
+        c.root_rate[2] = from_angular[i, 0, 1] + c.root_offset_rate[2]
+
+        for j in range(1, positions.shape[1]):
+            for a in range(3):
+                x, v = offsets[i, j, 0, a], offsets[i, j, 2, a]
+                jerk = v + y * x
+                x, v = e * (x + jerk * dt), e * (v - y * jerk * dt)
+                offsets[i, j, 0, a], offsets[i, j, 2, a] = x, v
+                positions[i, j, a] = from_positions[i, j, a] + x
+                velocities[i, j, a] = from_velocities[i, j, a] + v
+                x, v = offsets[i, j, 1, a], offsets[i, j, 3, a]
+                jerk = v + y * x
+                offsets[i, j, 1, a], offsets[i, j, 3, a] = e * (x + jerk * dt), e * (v - y * jerk * dt)
+            o = exp((offsets[i, j, 1, 0], offsets[i, j, 1, 1], offsets[i, j, 1, 2]))
+            q = mul(
+                o,
+                (from_rotations[i, j, 0], from_rotations[i, j, 1], from_rotations[i, j, 2], from_rotations[i, j, 3]),
+            )
+            for a in range(4):
+                rotations[i, j, a] = q[a]
+            w = rotate(o, (from_angular[i, j, 0], from_angular[i, j, 1], from_angular[i, j, 2]))
+            for a in range(3):
+                angular[i, j, a] = w[a] + offsets[i, j, 3, a]
+
+
+@_jit
+def synchronize(characters, settings, obstacles, positions, rotations, velocities, angular):
+    """Advance the simulated objects, keep the characters with them, and write joint 0 in the world."""
+    s = settings[0]
+    dt = s.dt
+    for i in range(len(characters)):
+        c = characters[i]
+        x, z, vx, vz, ax, az, yaw, rate = _chase(
+            c.position[0], c.position[1], c.velocity[0], c.velocity[1], c.acceleration[0], c.acceleration[1],
+            c.yaw, c.yaw_rate, c.desired_velocity[0], c.desired_velocity[1], c.desired_yaw,
+            s.velocity_halflife, s.rotation_halflife, dt,
+        )  # fmt: skip
+        x, z = push_out(x, z, obstacles, s.body_radius)
+        c.velocity[0], c.velocity[1], c.acceleration[0], c.acceleration[1] = vx, vz, ax, az
+        c.position[0], c.position[1], c.yaw, c.yaw_rate = x, z, springs.wrap(yaw), rate
+        if s.data:
+            c.position[0], c.position[1], c.yaw = c.root[0], c.root[1], c.root[2]
+        mx, mz, my = 0.0, 0.0, 0.0
+        if s.adjust:
+            share = 1 - math.exp(-springs.LN2 * dt / (s.position_adjustment_halflife + springs.TINY))
+            mx, mz = share * (c.position[0] - c.root[0]), share * (c.position[1] - c.root[1])
+            length = math.sqrt(mx * mx + mz * mz)
+            speed = math.sqrt(c.root_rate[0] * c.root_rate[0] + c.root_rate[1] * c.root_rate[1])
+            most = s.adjustment_ratio * speed * dt
+            if length > most:
+                mx, mz = mx * most / length, mz * most / length
+            share = 1 - math.exp(-springs.LN2 * dt / (s.rotation_adjustment_halflife + springs.TINY))
+            most = s.adjustment_ratio * abs(c.root_rate[2]) * dt
+            my = min(max(share * springs.wrap(c.yaw - c.root[2]), -most), most)
+        if s.clamp:
+            dx, dz = c.root[0] + mx - c.position[0], c.root[1] + mz - c.position[1]
+            length = math.sqrt(dx * dx + dz * dz)
+            if length > s.maximal_distance:
+                back = s.maximal_distance / length - 1
+                mx, mz = mx + back * dx, mz + back * dz
+            angle = springs.wrap(c.root[2] + my - c.yaw)
+            my += min(max(angle, -s.maximal_angle), s.maximal_angle) - angle
+        c.data_root[0] += mx
+        c.data_root[1] += mz
+        c.data_root[2] = springs.wrap(c.data_root[2] + my)
+        c.root[0] += mx
+        c.root[1] += mz
+        c.root[2] = springs.wrap(c.root[2] + my)
+
+        positions[i, 0, 0], positions[i, 0, 1], positions[i, 0, 2] = c.root[0], 0.0, c.root[1]
+        rotations[i, 0, 0], rotations[i, 0, 2] = math.cos(c.root[2] / 2), math.sin(c.root[2] / 2)
+        rotations[i, 0, 1], rotations[i, 0, 3] = 0.0, 0.0
+        velocities[i, 0, 0], velocities[i, 0, 1], velocities[i, 0, 2] = c.root_rate[0], 0.0, c.root_rate[1]
+        angular[i, 0, 0], angular[i, 0, 1], angular[i, 0, 2] = 0.0, c.root_rate[2], 0.0
+
+
+@_jit
+def lock_feet(feet, contacts, settings, parents, needed, legs, hinges, heights, positions, rotations):
+    """Hold feet in contact where they are, by two-bone inverse kinematics; changes rotations in place.
+
+    feet [N, C] records (`mm.characters.FOOT`), contacts [N, C]; needed [..] joints whose world transform is
+    asked for, parents first; legs [C, 4]: up_leg, leg, foot and the joint that touches the ground; hinges
+    [C, 3]: the knee's axis in the up_leg's frame; heights [C] of the touching joint on the ground.
+    """
+    s = settings[0]
+    joints = positions.shape[1]
+    world_pos = np.empty((joints, 3), np.float32)
+    world_rot = np.empty((joints, 4), np.float32)
+    for i in range(len(feet)):
+        for n in range(len(needed)):
+            j = needed[n]
+            x = (positions[i, j, 0], positions[i, j, 1], positions[i, j, 2])
+            q = (rotations[i, j, 0], rotations[i, j, 1], rotations[i, j, 2], rotations[i, j, 3])
+            p = parents[j]
+            if p >= 0:
+                parent = (world_rot[p, 0], world_rot[p, 1], world_rot[p, 2], world_rot[p, 3])
+                x = rotate(parent, x)
+                x = (x[0] + world_pos[p, 0], x[1] + world_pos[p, 1], x[2] + world_pos[p, 2])
+                q = mul(parent, q)
+            for a in range(3):
+                world_pos[j, a] = x[a]
+            for a in range(4):
+                world_rot[j, a] = q[a]
+        for k in range(len(legs)):
+            place, wanted = _update_contact(feet[i, k], contacts[i, k] != 0, world_pos[legs[k, 3]], heights[k], s)
+            if wanted:
+                _reach(place, legs[k], hinges[k], parents, world_pos, world_rot, rotations[i])
+
+
+@_jit
+def _update_contact(foot, contact, target, height, s):
+    """Advance one foot's lock. Returns where the touching joint belongs, and whether that differs."""
+    dt = s.dt
+    fresh = math.isnan(foot.target[0])
+    far = 0.0
+    for a in range(3):
+        far += (foot.point[a] - target[a]) ** 2
+    lock_now = contact and not foot.contact
+    unlock = foot.locked and ((not contact) or far > s.unlock_radius * s.unlock_radius)
+    x, y, z = 0.0, 0.0, 0.0
+    for a in range(3):
+        rate = 0.0 if fresh else (target[a] - foot.target[a]) / dt
+        base = foot.point[a] if foot.locked else target[a]
+        foot.offset[a], foot.offset_rate[a] = springs.decay(
+            foot.offset[a], foot.offset_rate[a], s.foot_halflife, dt
+        )
+        place = base + foot.offset[a]
+        speed = foot.offset_rate[a] if foot.locked else rate + foot.offset_rate[a]
+        if lock_now:
+            foot.point[a] = height if a == 1 else place
+            foot.offset[a], foot.offset_rate[a] = place - foot.point[a], speed
+        elif unlock:
+            foot.offset[a], foot.offset_rate[a] = place - target[a], speed - rate
+        foot.target[a] = target[a]
+        if a == 0:
+            x = place
+        elif a == 1:
+            y = place
+        else:
+            z = place
+    foot.locked = lock_now or (foot.locked and not unlock)
+    foot.contact = contact
+    y = max(y, height)
+    moved = abs(x - target[0]) + abs(y - target[1]) + abs(z - target[2])
+    return (x, y, z), moved > 1e-4
+
+
+@_jit
+def _reach(place, leg, hinge, parents, world_pos, world_rot, rotations):
+    """Bend a leg so that its touching joint comes to place, the foot keeping its rotation in the world."""
+    hip = (world_pos[leg[0], 0], world_pos[leg[0], 1], world_pos[leg[0], 2])
+    knee = (world_pos[leg[1], 0], world_pos[leg[1], 1], world_pos[leg[1], 2])
+    ankle = (world_pos[leg[2], 0], world_pos[leg[2], 1], world_pos[leg[2], 2])
+    touch = world_pos[leg[3]]
+    goal = (place[0] + ankle[0] - touch[0], place[1] + ankle[1] - touch[1], place[2] + ankle[2] - touch[2])
+    thigh = (knee[0] - hip[0], knee[1] - hip[1], knee[2] - hip[2])
+    shin = (ankle[0] - knee[0], ankle[1] - knee[1], ankle[2] - knee[2])
+    reach = (goal[0] - hip[0], goal[1] - hip[1], goal[2] - hip[2])
+    a, b = math.sqrt(dot(thigh, thigh)), math.sqrt(dot(shin, shin))
+    # Short of the full length: a knee never snaps straight.
+    distance = min(max(math.sqrt(dot(reach, reach)), abs(a - b) + 1e-3), (a + b) * 0.998)
+    cosine = dot(thigh, shin) / (a * b)
+    bend = math.acos(min(max(cosine, -1.0), 1.0))
+    wanted = math.pi - math.acos(min(max((a * a + b * b - distance * distance) / (2 * a * b), -1.0), 1.0))
+    up_rot = (world_rot[leg[0], 0], world_rot[leg[0], 1], world_rot[leg[0], 2], world_rot[leg[0], 3])
+    axis = rotate(up_rot, (hinge[0], hinge[1], hinge[2]))
+    # The knee's own plane where it is bent enough to have one, else the hinge known from the data.
+    plane = cross(thigh, shin)
+    if dot(plane, axis) > 0.2 * a * b:
+        length = math.sqrt(dot(plane, plane))
+        axis = (plane[0] / length, plane[1] / length, plane[2] / length)
+    half = (wanted - bend) / 2
+    sine = math.sin(half)
+    knee_turn = (math.cos(half), sine * axis[0], sine * axis[1], sine * axis[2])
+    bent = rotate(knee_turn, shin)
+    hip_turn = between((thigh[0] + bent[0], thigh[1] + bent[1], thigh[2] + bent[2]), reach)
+    _set_world(leg[0], hip_turn, parents, (1.0, 0.0, 0.0, 0.0), world_rot, rotations)
+    _set_world(leg[1], knee_turn, parents, (1.0, 0.0, 0.0, 0.0), world_rot, rotations)
+    _set_world(leg[2], (1.0, 0.0, 0.0, 0.0), parents, mul(hip_turn, knee_turn), world_rot, rotations)
+
+
+@_jit
+def _set_world(joint, turn_joint, parents, turn_parent, world_rot, rotations):
+    """Local rotation of a joint whose world rotation and whose parent's are turned."""
+    p = parents[joint]
+    parent = mul(turn_parent, (world_rot[p, 0], world_rot[p, 1], world_rot[p, 2], world_rot[p, 3]))
+    own = mul(turn_joint, (world_rot[joint, 0], world_rot[joint, 1], world_rot[joint, 2], world_rot[joint, 3]))
+    q = normalize(mul(inv(parent), own))
+    for a in range(4):
+        rotations[joint, a] = q[a]
+
+
+@_jit
+def gather(frames, root_steps, positions, rotations, velocities, angular, contacts,
+           to_positions, to_rotations, to_velocities, to_angular, to_contacts):  # fmt: skip
+    """Decompression from a database: rows frames [N] of poses and contacts, joint 0 the root's motion.
+
+    root_steps [T, 6]: displacement x, z, turn; velocity x, z, turn rate, in root space.
+    """
+    for i in range(len(frames)):
+        f = frames[i]
+        for j in range(1, positions.shape[1]):
+            for a in range(3):
+                to_positions[i, j, a] = positions[f, j, a]
+                to_velocities[i, j, a] = velocities[f, j, a]
+                to_angular[i, j, a] = angular[f, j, a]
+            for a in range(4):
+                to_rotations[i, j, a] = rotations[f, j, a]
+        to_positions[i, 0, 0], to_positions[i, 0, 1], to_positions[i, 0, 2] = root_steps[f, 0], 0.0, root_steps[f, 1]
+        half = root_steps[f, 2] / 2
+        to_rotations[i, 0, 0], to_rotations[i, 0, 1] = math.cos(half), 0.0
+        to_rotations[i, 0, 2], to_rotations[i, 0, 3] = math.sin(half), 0.0
+        to_velocities[i, 0, 0], to_velocities[i, 0, 1], to_velocities[i, 0, 2] = root_steps[f, 3], 0.0, root_steps[f, 4]
+        to_angular[i, 0, 0], to_angular[i, 0, 1], to_angular[i, 0, 2] = 0.0, root_steps[f, 5], 0.0
+        for a in range(contacts.shape[1]):
+            to_contacts[i, a] = contacts[f, a]

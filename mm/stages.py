@@ -1,0 +1,236 @@
+"""The three stages of a motion-matching step, as protocols, and their classical implementations.
+
+    query - Projection - state - Stepping - state - Decompression - pose
+
+All work on a batch of characters. A classical state is a frame index each; a learned one is a feature and a
+latent vector each. A controller composes any three stages whose states agree.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motion.pose import Poses
+
+from . import kernels, search
+from .database import Database
+
+
+class State(Protocol):
+    """Where N characters are in the data."""
+
+    def __len__(self) -> int: ...
+
+    def features(self) -> NDArray[np.float32]:
+        """Normalised features [N, F]."""
+        ...
+
+    def frames(self) -> NDArray[np.int32]:
+        """Database frames [N], -1 where the state is not one."""
+        ...
+
+    def ended(self) -> NDArray[np.bool_]:
+        """Whether the data ends here, so that a jump is due [N]."""
+        ...
+
+    def take(self, who: NDArray[np.int64]) -> Self:
+        """The states of some characters."""
+        ...
+
+    def put(self, who: NDArray[np.int64], other: Self) -> None:
+        """Replace the states of some characters."""
+        ...
+
+
+class Projection(Protocol):
+    """Finds the state whose features are nearest to a query."""
+
+    def project(
+        self,
+        queries: NDArray[np.float32],
+        state: State,
+        bound: NDArray[np.float32],
+        required_tags: NDArray[np.uint32],
+        forbidden_tags: NDArray[np.uint32],
+    ) -> tuple[State, NDArray[np.float32], NDArray[np.bool_]]:
+        """Candidates for M characters.
+
+        queries [M, F] normalised, state [M] where they are, bound [M] the cost that a candidate must beat.
+        Returns candidate states [M], their costs [M], and whether there is one [M].
+        """
+        ...
+
+    def memory(self) -> dict[str, int]: ...
+
+
+class Stepping(Protocol):
+    """Advances a state by one frame."""
+
+    def start(self, count: int) -> State:
+        """A state to begin from, for count characters."""
+        ...
+
+    def step(self, state: State) -> None: ...
+
+    def memory(self) -> dict[str, int]: ...
+
+
+class Decompression(Protocol):
+    """Turns a state into a pose, joint 0 holding the root's motion (see `mm.kernels`)."""
+
+    def decompress(self, state: State, poses: Poses, contacts: NDArray[np.uint8]) -> None:
+        """Write the poses [N, J, ..] and contacts [N, C] of state [N]."""
+        ...
+
+    def memory(self) -> dict[str, int]: ...
+
+
+@dataclass(eq=False)
+class Stages:
+    """Any three stages whose states agree."""
+
+    projection: Projection
+    stepping: Stepping
+    decompression: Decompression
+
+
+@dataclass(eq=False)
+class FrameState:
+    """Classical states: a database frame each."""
+
+    index: NDArray[np.int32]
+    table: NDArray[np.float32]
+    last: NDArray[np.int32]
+
+    def __len__(self) -> int:
+        return len(self.index)
+
+    def features(self) -> NDArray[np.float32]:
+        return self.table[self.index]
+
+    def frames(self) -> NDArray[np.int32]:
+        return self.index
+
+    def ended(self) -> NDArray[np.bool_]:
+        return self.index >= self.last[self.index]
+
+    def take(self, who: NDArray[np.int64]) -> FrameState:
+        return FrameState(self.index[who], self.table, self.last)
+
+    def put(self, who: NDArray[np.int64], other: FrameState) -> None:
+        self.index[who] = other.index
+
+
+class SearchProjection:
+    """Nearest-neighbour search in the database's features."""
+
+    def __init__(self, index: search.Index, *, ignore_radius: int) -> None:
+        self.index = index
+        self.ignore_radius = ignore_radius
+
+    def project(self, queries, state, bound, required_tags, forbidden_tags):
+        tagged = required_tags.any() or forbidden_tags.any()
+        exclude = search.Exclusions(
+            current=state.frames(),
+            radius=self.ignore_radius,
+            required_tags=required_tags if tagged else None,
+            forbidden_tags=forbidden_tags if tagged else None,
+        )
+        frames, costs = self.index.search(queries, bound=bound, exclude=exclude)
+        found = frames[:, 0] >= 0
+        # Where nothing was found the state stays what it is.
+        index = np.where(found, frames[:, 0], state.frames()).astype(np.int32)
+        return FrameState(index, state.table, state.last), costs[:, 0], found
+
+    def memory(self) -> dict[str, int]:
+        return {"index": self.index.nbytes}
+
+
+class FrameStepping:
+    """The next frame of the same range; the last one of a range stays."""
+
+    def __init__(self, database: Database, *, ignore_end: int) -> None:
+        self.table = plain(database.features)
+        ranges = database.ranges()
+        self.last = (database.stops - 1)[ranges].astype(np.int32)
+        lengths = database.stops - database.starts
+        # Begin where a search could have put us: the longest range, a little into it.
+        longest = int(np.argmax(lengths))
+        self.first = int(database.starts[longest] + min(ignore_end, lengths[longest] // 2))
+
+    def start(self, count: int) -> FrameState:
+        return FrameState(np.full(count, self.first, np.int32), self.table, self.last)
+
+    def step(self, state: FrameState) -> None:
+        np.minimum(state.index + 1, state.last[state.index], out=state.index)
+
+    def memory(self) -> dict[str, int]:
+        return {"features": self.table.nbytes, "ranges": self.last.nbytes}
+
+
+class GatherDecompression:
+    """Rows of the database's poses."""
+
+    def __init__(self, database: Database, *, gather=kernels.gather) -> None:
+        self._gather = gather
+        self._poses = tuple(plain(array) for array in database.poses.arrays().values())
+        self._contacts = plain(database.contacts)
+        self.root_steps = root_steps(database)
+
+    def decompress(self, state: FrameState, poses: Poses, contacts: NDArray[np.uint8]) -> None:
+        self._gather(
+            state.index, self.root_steps, *self._poses, self._contacts,
+            poses.positions, poses.rotations, poses.velocities, poses.angular_velocities, contacts,
+        )  # fmt: skip
+
+    def memory(self) -> dict[str, int]:
+        return {
+            "poses": sum(array.nbytes for array in self._poses),
+            "contacts": self._contacts.nbytes,
+            "root motion": self.root_steps.nbytes,
+        }
+
+
+def plain(array: NDArray) -> NDArray:
+    """A read-only contiguous view without memmap's subclass: one type for the kernels, mapped or not."""
+    view = np.ascontiguousarray(np.asarray(array)).view()
+    view.flags.writeable = False
+    return view
+
+
+def root_steps(database: Database) -> NDArray[np.float32]:
+    """The ground root's motion, float32 [T, 6]: displacement x, z (m) and turn (rad) since the previous frame,
+    in the previous root's space; velocity x, z (m/s) and turn rate (rad/s) in the root's own space.
+
+    A range's first frame moves as its second does.
+    """
+    x, z = database.poses.positions[:, 0, 0], database.poses.positions[:, 0, 2]
+    w, _, y, _ = np.moveaxis(np.asarray(database.poses.rotations[:, 0]), -1, 0)
+    yaw = 2 * np.arctan2(y.astype(np.float64), w)
+    out = np.zeros((len(database), 6), np.float32)
+    before = yaw[:-1]
+    dx, dz = np.diff(x.astype(np.float64)), np.diff(z.astype(np.float64))
+    out[1:, 0] = np.cos(before) * dx - np.sin(before) * dz
+    out[1:, 1] = np.cos(before) * dz + np.sin(before) * dx
+    turned = np.diff(yaw)
+    out[1:, 2] = turned - 2 * np.pi * np.round(turned / (2 * np.pi))
+    second = np.minimum(database.starts + 1, database.stops - 1)
+    out[database.starts] = np.where((second > database.starts)[:, None], out[second], 0)
+    vx, vz = database.poses.velocities[:, 0, 0], database.poses.velocities[:, 0, 2]
+    out[:, 3] = np.cos(yaw) * vx - np.sin(yaw) * vz
+    out[:, 4] = np.cos(yaw) * vz + np.sin(yaw) * vx
+    out[:, 5] = database.poses.angular_velocities[:, 0, 1]
+    return out
+
+
+def classical(database: Database, index: search.Index, *, ignore_radius: int, ignore_end: int, gather) -> Stages:
+    """The three classical stages on one database."""
+    return Stages(
+        SearchProjection(index, ignore_radius=ignore_radius),
+        FrameStepping(database, ignore_end=ignore_end),
+        GatherDecompression(database, gather=gather),
+    )
