@@ -6,9 +6,9 @@ import os
 from dataclasses import dataclass, field
 
 import numpy as np
-from features.schema import Schema
 from numpy.typing import NDArray
 
+from features.schema import Schema
 from motion import files
 from motion.pose import Poses
 from motion.skeleton import Skeleton
@@ -99,7 +99,7 @@ class Database:
             "names": list(self.names),
             "tag_names": list(self.tag_names),
         }
-        arrays = self.poses.arrays() | {
+        arrays: dict[str, NDArray] = {**self.poses.arrays()} | {
             "contacts": self.contacts,
             "features": self.features,
             "offset": self.offset,

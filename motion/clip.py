@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,6 +60,6 @@ class Clip:
         """Duration, frames / fps."""
         return len(self) / self.fps
 
-    def replace(self, **changes) -> Clip:
+    def replace(self, **changes: Any) -> Clip:
         """A copy with some attributes changed."""
         return replace(self, **changes)

@@ -55,7 +55,7 @@ def atomic(path: str | os.PathLike[str], mode: str = "wb") -> Iterator[IO[Any]]:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
         os.fchmod(handle, 0o644) if hasattr(os, "fchmod") else None
-        options = {} if "b" in mode else {"encoding": "utf-8", "newline": "\n"}
+        options: dict[str, Any] = {} if "b" in mode else {"encoding": "utf-8", "newline": "\n"}
         with os.fdopen(handle, mode, **options) as stream:
             yield stream
             stream.flush()
@@ -104,7 +104,7 @@ def _canonical(arrays: Mapping[str, NDArray]) -> dict[str, NDArray]:
 
 
 def _bytes(array: NDArray) -> memoryview:
-    return memoryview(array.reshape(-1).view(np.uint8))
+    return array.reshape(-1).view(np.uint8).data
 
 
 def _header(arrays: Mapping[str, NDArray], body: Mapping[str, Any], mark: str) -> bytes:

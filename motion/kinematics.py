@@ -45,9 +45,9 @@ def forward_velocities(
         v_j = v_p + R_p v_j' + w_p x R_p x_j',   w_j = w_p + R_p w_j'
     """
     given = (positions, rotations, velocities, angular)
-    world = tuple(np.empty_like(array, order="C") for array in given)
+    world = [np.empty_like(array, order="C") for array in given]
     kernels.forward_velocities(skeleton.parents, *map(_flat, (*given, *world)))
-    return world
+    return world[0], world[1], world[2], world[3]
 
 
 def forward_velocities_numpy(

@@ -15,7 +15,7 @@ _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 def identity(*shape: int, dtype: type = np.float64) -> Array:
     """Identity rotations ``[*shape, 4]``."""
-    q = np.zeros((*shape, 4), dtype)
+    q: Array = np.zeros((*shape, 4), dtype)
     q[..., 0] = 1
     return q
 
