@@ -1,8 +1,8 @@
 """Numbers as text, exactly and fast: tables of decimals to float64 and back.
 
-Reading gives the double that Python's ``float`` gives. A decimal of at most 15 digits is an integer below 2^53
-times or over a power of ten that a double holds, so one operation rounds it right (Clinger 1990); up to 18 digits
-a quotient in double-double (Dekker 1971) decides; what stays in doubt goes to ``float`` itself.
+Reading gives the double that Python's ``float`` gives. A decimal of at most 15 digits is an integer below
+2^53 times or over a power of ten that a double holds, so one operation rounds it right (Clinger 1990); up to
+18 digits a quotient in double-double (Dekker 1971) decides; what stays in doubt goes to ``float`` itself.
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ def scan(data, i, n):
         begin = i
         power = np.int64(0)
         while i < n and np.uint8(data[i] - 48) < 10:
-            power = min(power * 10 + np.int64(data[i] - 48), 100_000)
+            power = min(power * 10 + np.int64(data[i] - 48), np.int64(100_000))
             i += 1
         if i == begin:
             return i, NO_NUMBER, 0.0
@@ -124,7 +124,10 @@ def scan(data, i, n):
 
 @numba.njit(cache=True, nogil=True)
 def _read(data, state, out, doubts):
-    """Fill rows of out from lines of data; state = byte, line, row, column, doubts noted; returns a status."""
+    """Fill rows of out from lines of data; returns a status.
+
+    state holds byte, line, row and column to go on from, and gets the number of doubts noted.
+    """
     n = len(data)
     i, line, row, column, noted = state[0], state[1], state[2], state[3], 0
     rows, columns = out.shape
@@ -200,8 +203,8 @@ def token_at(data: Bytes, i: int) -> str:
 def read_table(data: Bytes, columns: int, most_rows: int) -> tuple[NDArray[np.float64], Fault | None]:
     """Read lines of `columns` numbers each: a float64 table of the whole rows, and the fault that ended it.
 
-    Blank lines and lines that begin with ``#`` or ``//`` are skipped. At most `most_rows` rows are expected, and
-    memory is bounded by the length of data whatever `most_rows` says.
+    Blank lines and lines that begin with ``#`` or ``//`` are skipped. At most `most_rows` rows are expected,
+    and memory is bounded by the length of data whatever `most_rows` says.
     """
     out = np.empty((min(most_rows, len(data) // (2 * columns) + 1), columns))
     doubts = np.empty((1024, 4), np.int64)
@@ -250,7 +253,7 @@ def _scaled(value, decimals):
 
 @numba.njit(cache=True, nogil=True)
 def _shortest(value, guess):
-    """The fewest decimals whose number reads back as value >= 0, and that integer; -1 when none up to 22 does."""
+    """The fewest decimals (-1 when not 22 do) that read back as value >= 0, and all digits as an integer."""
     d = guess
     while d > 0 and value * _POWERS[d] >= 2.0**51:
         d -= 1
@@ -314,8 +317,8 @@ def _write(values, begin, decimals, columns, buffer):
 def write_table(values: NDArray[np.float64], decimals: int | None = None) -> bytes:
     """Text of a table ``[rows, columns]``: one line a row, numbers separated by a blank.
 
-    decimals (0 to 18) prints as Python's ``f"{v:.{decimals}f}"`` does; None prints the fewest decimals that read
-    back as the same double.
+    decimals (0 to 18) prints as Python's ``f"{v:.{decimals}f}"`` does; None prints the fewest decimals that
+    read back as the same double.
     """
     columns = values.shape[1]
     flat = np.ascontiguousarray(values, np.float64).reshape(-1)

@@ -1,0 +1,45 @@
+"""Text files that other programs wrote: their bytes, or one clear error."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from .errors import UserError
+
+WHOLE_COPY = "restore a whole copy of the file"
+
+
+def read_bytes(path: str | os.PathLike[str]) -> bytes:
+    """Bytes of a text file without byte order mark, lines ending in ``\\n`` or ``\\r\\n``.
+
+    A missing, unreadable or empty file, a folder or device, and text in 16-bit characters are a UserError.
+    """
+    path = Path(path)
+    try:
+        if path.exists() and not path.is_file():
+            raise UserError("not a file", path=path, remedy="name a motion file")
+        data = path.read_bytes()
+    except OSError as error:
+        raise UserError(f"cannot read: {error.strerror}", path=path, remedy="check the path") from error
+    except ValueError as error:  # a NUL character in the path
+        raise UserError(f"cannot read: {error}", path=path, remedy="check the path") from error
+    if not data.strip():
+        raise UserError("the file is empty", path=path, remedy=WHOLE_COPY)
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        raise UserError("16-bit text", path=path, line=1, remedy="save it as plain text (UTF-8)")
+    data = data.removeprefix(b"\xef\xbb\xbf")
+    return data if b"\n" in data else data.replace(b"\r", b"\n")
+
+
+def decode(data: bytes) -> str:
+    """UTF-8, or Latin-1 where it is not."""
+    try:
+        return data.decode()
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
+
+
+def shown(token: str, limit: int = 30) -> str:
+    """A quoted, printable, short form of a word from a file, for messages."""
+    return ascii(token if len(token) <= limit else token[: limit - 3] + "...")
