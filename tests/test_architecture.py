@@ -98,16 +98,16 @@ def test_help_ends_with_an_example_that_the_command_would_accept(name: str) -> N
     group = importlib.import_module(f"{package}.cli").main
     result = CliRunner().invoke(group, [*rest, "--help"], prog_name=f"python -m {package}")
     assert result.exit_code == 0
-    found = re.search(r"^\s*Examples?:?\s+(.*?)(?:\n\s*\n|\Z)", result.output, re.S | re.M)
-    assert found, f"{name} --help has no example"
-    example = found[1].split()
-    start = ["python", "-m", *name.split()] if example[0] == "python" else name.split()
-    assert example[: len(start)] == start
-    options = {
-        flag for parameter in ALL[name].params for flag in [*parameter.opts, *parameter.secondary_opts]
-    }
-    used = {word.partition("=")[0] for word in example if re.match(r"--?[a-z]", word)} - {"-m"}
-    assert used <= options, f"the example of {name} uses unknown options"
+    last = " ".join(result.output.strip().split("\n\n")[-1].split())
+    start, *lines = re.split(r"(?:^Examples?: |(?<=\s))python -m (?=[a-z])", last)
+    assert start == "" and lines, f"{name} --help does not end with 'Example: python -m {name} ...'"
+    assert f"{lines[0]} ".startswith(f"{name} ")
+    for line in lines:
+        known = [command for command in ALL if f"{line} ".startswith(f"{command} ")]
+        assert known, f"no such command: python -m {line}"
+        flags = {flag for p in ALL[known[0]].params for flag in [*p.opts, *p.secondary_opts]}
+        used = {word.partition("=")[0] for word in line.split() if re.match(r"--?[a-z]", word)}
+        assert used <= flags, f"python -m {line}: no such option"
 
 
 @pytest.mark.parametrize("package", COMMANDS)
