@@ -22,7 +22,7 @@ def _v(array, t, j):
 
 @numba.njit(cache=True, nogil=True)
 def forward(parents, positions, rotations, world_pos, world_rot):
-    """World transforms into world_pos [T, J, 3] and world_rot [T, J, 4]; each joint's parent stands before it."""
+    """World transforms into world_pos [T, J, 3] and world_rot [T, J, 4]; parents before children."""
     for t in range(positions.shape[0]):
         for j in range(parents.shape[0]):
             x, r, p = _v(positions, t, j), _q(rotations, t, j), parents[j]

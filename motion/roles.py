@@ -6,6 +6,7 @@ the spine; `root` exists only where the skeleton has a joint for the ground unde
 
 from __future__ import annotations
 
+import functools
 import itertools
 import os
 import re
@@ -29,32 +30,31 @@ ROLES: tuple[str, ...] = (
     *(f"{side}_{part}" for part in LEG + ARM for side in SIDES),
 )
 
-# Words for parts, each with how well it fits a slot of a limb (3 is certain). Joints are named by the bone they
-# begin ("Calf") or by the articulation they are ("Knee"); both stand for the same joint.
-_LEG_WORDS: dict[str, dict[str, float]] = {
-    **dict.fromkeys(("upleg", "upperleg", "thigh", "femur", "legupper", "legup", "topleg"), {"up_leg": 3}),
-    **dict.fromkeys(("hip", "hips"), {"up_leg": 1.5}),
-    **dict.fromkeys(("leg",), {"leg": 2, "up_leg": 1}),
-    **dict.fromkeys(
-        ("lowerleg", "lowleg", "shin", "calf", "tibia", "knee", "leglower", "leglow", "stifle", "crus"),
-        {"leg": 3},
-    ),
-    **dict.fromkeys(("foot", "feet", "paw", "hoof"), {"foot": 2.5, "toe": 1}),
-    **dict.fromkeys(("ankle", "hock", "tarsus"), {"foot": 3}),
-    **dict.fromkeys(("toe", "toes", "toebase", "ball", "foretoe", "toeball"), {"toe": 3}),
-}
-_ARM_WORDS: dict[str, dict[str, float]] = {
-    **dict.fromkeys(("clavicle", "collar", "collarbone", "clav", "scapula"), {"shoulder": 3}),
-    **dict.fromkeys(("shoulder",), {"shoulder": 1.5, "arm": 1.6}),
-    **dict.fromkeys(("upperarm", "uparm", "humerus", "shldr", "bicep", "armupper", "armup"), {"arm": 3}),
-    **dict.fromkeys(("arm",), {"arm": 2.5}),
-    **dict.fromkeys(
-        ("forearm", "lowerarm", "lowarm", "elbow", "radius", "ulna", "armlower", "armlow", "farm"),
-        {"forearm": 3},
-    ),
-    **dict.fromkeys(("hand",), {"hand": 2.5}),
-    **dict.fromkeys(("wrist", "carpus"), {"hand": 2}),
-}
+
+def _vocabulary(*entries: tuple[str, dict[str, float]]) -> dict[str, dict[str, float]]:
+    return {word: fits for words, fits in entries for word in words.split()}
+
+
+# Words for parts, each with how well it fits a slot of a limb (3 is certain). Joints are named by the bone
+# that they begin ("Calf") or by the articulation that they are ("Knee"); both stand for the same joint.
+_LEG_WORDS = _vocabulary(
+    ("upleg upperleg thigh femur legupper legup topleg", {"up_leg": 3}),
+    ("hip hips", {"up_leg": 1.5}),
+    ("leg", {"leg": 2, "up_leg": 1}),
+    ("lowerleg lowleg shin calf tibia knee leglower leglow stifle crus", {"leg": 3}),
+    ("foot feet paw hoof", {"foot": 2.5, "toe": 1}),
+    ("ankle hock tarsus", {"foot": 3}),
+    ("toe toes toebase ball foretoe toeball", {"toe": 3}),
+)
+_ARM_WORDS = _vocabulary(
+    ("clavicle collar collarbone clav scapula", {"shoulder": 3}),
+    ("shoulder", {"shoulder": 1.5, "arm": 1.6}),
+    ("upperarm uparm humerus shldr bicep armupper armup", {"arm": 3}),
+    ("arm", {"arm": 2.5}),
+    ("forearm lowerarm lowarm elbow radius ulna armlower armlow farm", {"forearm": 3}),
+    ("hand", {"hand": 2.5}),
+    ("wrist carpus", {"hand": 2}),
+)
 _FRONT = dict(zip(LEG, ("arm", "forearm", "hand", ""), strict=True))
 _CENTER = {
     "hips": ("hips", "hip", "pelvis"),
@@ -74,15 +74,17 @@ _CENTER_WORDS = {word: part for part, words in _CENTER.items() for word in words
 _SIDE_WORDS = {"l": "left", "left": "left", "lft": "left", "r": "right", "right": "right", "rgt": "right"}
 _FILLER = frozenset(
     "joint jnt jt bone bn b bip biped def org skin bind sk j jj node mixamorig character cc base valve "
-    "valvebiped bend main rig skel".split()
+    "valvebiped bend main rig skel".split()  # noqa: SIM905
 )
 # A joint with one of these words in its name hangs beside the chain that moves the body.
 _HELPERS = frozenset(
     "twist roll ik fk pole target ctrl control helper corrective tweak end nub tip site effector eff weapon "
-    "prop socket attach dummy muscle skirt hair cloth aux offset top thumb index middle mid ring pinky little "
-    "finger fingers eye eyes jaw tongue ear tail wing metatarsal metatarsals heel breast pectoral butt buttock "
-    "mch vb cor share constraint locator camera cam goal hint knuckle palm big adj scale grp".split()
+    "prop socket attach dummy muscle skirt hair cloth aux offset top thumb index middle mid ring pinky "
+    "little finger fingers eye eyes jaw tongue ear tail wing metatarsal metatarsals heel breast pectoral "
+    "butt buttock mch vb cor share constraint locator camera cam goal hint knuckle palm big adj "
+    "scale grp".split()  # noqa: SIM905
 )
+# Corners of a quadruped: front, and the three words for hind.
 _QUARTERS = {
     "f": ("fl", "fr"),
     "h": ("bl", "br"),
@@ -93,7 +95,7 @@ _QUARTERS = {
 
 @dataclass(frozen=True)
 class _Name:
-    """What a joint's name says: its side, front or hind, the word for its part and how many words are left."""
+    """What a joint's name says: its side, front or hind, its part's word and how many words are left."""
 
     side: str | None
     quarter: str | None
@@ -192,6 +194,7 @@ def _tokens(name: str) -> list[str]:
     return [t.lower() for t in re.findall(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+", name)]
 
 
+@functools.lru_cache(maxsize=4096)
 def side_and_rest(name: str) -> tuple[str | None, tuple[str, ...]]:
     """Side that a joint's name states (left, right or None) and its other words, lower case.
 

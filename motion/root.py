@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 POSITION_WINDOW, HEADING_WINDOW = 31 / 60, 61 / 60  # seconds
 NAME = "root"
 
-# A hips' axis is taken for the forward axis up to this angle; rigs point it forward to within about 20 degrees.
+# A hips' axis within this angle is the forward axis; rigs point it forward to within about 20 degrees.
 _AXIS_TOLERANCE = np.radians(30)
 # Between these lengths of the forward axis on the ground, its direction gives way to that of the legs' line.
 _STEEP, _LEVEL = 0.3, 0.6
@@ -106,13 +106,15 @@ def facing(skeleton: Skeleton, world_pos: Array, world_rot: Array) -> Array:
         return by_line
     axis = np.zeros(3)
     axis[main] = np.sign(inside[main])
-    forward = quat.rotate(world_rot[:, hips], np.broadcast_to(axis, by_line.shape)) * np.array([1.0, 0.0, 1.0])
+    forward = quat.rotate(world_rot[:, hips], np.broadcast_to(axis, by_line.shape)) * np.array(
+        [1.0, 0.0, 1.0]
+    )
     share = np.clip((np.linalg.norm(forward, axis=-1, keepdims=True) - _STEEP) / (_LEVEL - _STEEP), 0, 1)
     return _unit(share * _unit(forward) + (1 - share) * by_line)
 
 
 def across(skeleton: Skeleton, world_pos: Array) -> Array:
-    """From the right to the left of the body [T, 3], metres: between the thighs, or the arms if there are none."""
+    """From the right to the left of the body [T, 3], metres: between the thighs, else the arms."""
     for part in ("up_leg", "arm", "shoulder"):
         pair = [skeleton.roles.get(f"{side}_{part}") for side in ("left", "right")]
         if None not in pair:
