@@ -250,12 +250,13 @@ def line_of(text: str, key: Key) -> int | None:
                 if table in counts:
                     table = (*table, counts[table])
             here = table
-        elif found := re.match(r"\s*([\w.\-\"']+)\s*=", line):
+        elif found := re.match(r"\s*((?:[\w.\- ]|\"[^\"]*\"|'[^']*')+?)\s*=", line):
             here = (*table, *_split(found[1]))
         else:
             continue
-        if len(here) > best_length and key[: len(here)] == here:
-            best, best_length = number, len(here)
+        shared = min(len(here), len(key))
+        if shared > best_length and key[:shared] == here[:shared]:
+            best, best_length = number, shared
     rest = key[best_length:]
     if best is not None and len(rest) > 1 and isinstance(rest[0], int):
         inline = [n for n in range(best, len(lines) + 1) if "{" in lines[n - 1]]
