@@ -1,0 +1,57 @@
+"""What a database is put together from, whether built from clips or imported."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+from numpy.typing import NDArray
+
+from features import extract, normalise
+from features.schema import Schema
+from motion.clip import Clip
+from motion.errors import UserError
+from motion.pose import Poses
+from motion.skeleton import Skeleton
+
+
+def write_poses(poses: Poses, piece: slice, clip: Clip) -> None:
+    """Put a clip and its velocities into a range of poses."""
+    for name, array in Poses.of_clip(clip).arrays().items():
+        getattr(poses, name)[piece] = array
+
+
+def compute_features(
+    schema: Schema,
+    skeleton: Skeleton,
+    fps: float,
+    poses: Poses,
+    starts: NDArray[np.int32],
+    stops: NDArray[np.int32],
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+    """Normalised features [T, F], offset [F] and scale [F] of poses in ranges."""
+    raw = extract.extract(schema, skeleton, fps, poses, starts, stops)
+    offset, scale = normalise.fit(schema, raw)
+    return normalise.normalise(raw, offset, scale), offset, scale
+
+
+def contact_roles(skeleton: Skeleton) -> tuple[str, ...]:
+    """The joints that touch the ground, left before right: toes, or feet where a toe is missing."""
+    for part in ("toe", "foot"):
+        pair = (f"left_{part}", f"right_{part}")
+        if all(role in skeleton.roles for role in pair):
+            return pair
+    return ()
+
+
+def check_roles(schema: Schema, skeleton: Skeleton, path: str | os.PathLike[str] | None) -> None:
+    """A role that a feature names and no joint plays is a UserError with file, feature, role and joints."""
+    for feature in schema.features:
+        if feature.role in (None, "root") or feature.role in skeleton.roles:
+            continue
+        raise UserError(
+            f"feature {feature.name!r} of schema {schema.name!r} needs the role {feature.role!r}, "
+            f"which no joint plays (joints: {', '.join(skeleton.names)})",
+            path=path,
+            remedy=f'name the joint in a file for --roles: [roles] {feature.role} = "..."',
+        )
