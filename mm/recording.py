@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, is_dataclass
 from typing import Any
 
@@ -148,6 +148,7 @@ def record(
     characters: int | None = None,
     spread: bool = False,
     driver: Driver | None = None,
+    progress: Callable[..., Iterator[int]] = console.progress,
 ) -> Recording:
     """Drive a system over a course, from the start until all have arrived or time is up.
 
@@ -159,6 +160,7 @@ def record(
     characters : keep the first so many only, to save memory.
     spread : see `mm.driver.Driver`.
     driver : one that was made for this course; by default a new one with this spread.
+    progress : wraps the loop over frames.
     """
     if seconds is not None and not (np.isfinite(seconds) and seconds > 0):
         raise UserError(f"a run of {seconds} seconds", remedy="give a number above 0")
@@ -169,7 +171,7 @@ def record(
     frames = driver.frames if seconds is None else min(driver.frames, max(1, round(seconds * system.fps)))
     tape = _Tape(-(-frames // every), every, characters)
     steps, label = _frames(frames, driver), course.name or "run"
-    for frame in console.progress(steps, label=label, total=frames, unit="frames"):
+    for frame in progress(steps, label=label, total=frames, unit="frames"):
         if frame == 0:
             system.reset(driver.starts, driver.yaws)
             positions, yaws = driver.starts, driver.yaws

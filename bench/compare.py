@@ -1,0 +1,241 @@
+"""The comparison: every system over every course, one row each, and one row a system."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from mm import course as courses_
+from mm import recording, speeds
+from mm.control import Command, System
+from mm.course import Course
+from mm.database import Database
+from mm.driver import Driver
+from motion import console
+from motion.errors import UserError
+
+from . import quality, timing
+from .systems import Entry, choose
+
+COURSES = ("thesis", "circle", "star", "start-stop", "turn-180", "strafe", "random")
+SECONDS = 60.0  # at most, of each course
+TIMED_SECONDS = 20.0
+WORST = ("pop_cm",)  # of these a system's summary row has the largest, of all other metrics the mean
+DATA = "(the clips)"
+
+
+@dataclass(eq=False)
+class Comparison:
+    """What was measured.
+
+    Attributes
+    ----------
+    summary : a row a system, and a first one for the clips themselves; columns end in their unit.
+    courses : a row a system and course.
+    traces : what the plots need, one a row of `courses`.
+    played : the courses as they were played, scaled.
+    feet : indices of the foot joints.
+    notes : what a reader must know: what was scaled, what was left out.
+    database : name, fingerprint, size and speeds of the data.
+    machine : see `bench.timing.machine`.
+    """
+
+    summary: pd.DataFrame
+    courses: pd.DataFrame
+    traces: list[quality.Trace]
+    played: list[Course]
+    feet: list[int]
+    notes: list[str]
+    database: dict[str, Any]
+    machine: dict[str, str] = field(default_factory=timing.machine)
+
+
+def compare(
+    database: Database,
+    *,
+    courses: Sequence[str | Course] = COURSES,
+    systems: Sequence[str | Entry] | None = None,
+    indexes: Sequence[str] | None = None,
+    seconds: float = SECONDS,
+    timed_seconds: float = TIMED_SECONDS,
+    seed: int | None = None,
+    scale: bool = True,
+    name: str = "",
+    progress: bool = False,
+) -> Comparison:
+    """Drive every system over every course, and measure memory, time and motion.
+
+    All do the same: a course lasts the same time for each system, starts at the same place, and is driven by
+    the same rules; the same system on the same course does the same again.
+
+    Parameters
+    ----------
+    courses : names, TOML files or courses; each lasts as long as it says, a way as long as it takes at its
+        own speeds, but at most seconds.
+    systems : names, families, patterns (see `bench.systems.choose`) or entries; all when None, leaving out
+        with a note those that this database cannot have.
+    indexes : search indexes of motion matching; all when None.
+    timed_seconds : how much of each course the clock runs; the metrics are those of all of it.
+    seed : of courses with a random user; their own when None.
+    scale : bring the courses' speeds to those of the data.
+    name : of the database, for the report.
+
+    An unknown course, system or index is a UserError that lists the choices.
+    """
+    if not (math.isfinite(seconds) and seconds > 0):
+        raise UserError(f"{seconds} seconds", remedy="give a number above 0")
+    walk, run = speeds.of_database(database)
+    played = [_prepared(c, walk, run, seed, scale) for c in courses]
+    chosen, notes = _chosen(systems, indexes), []
+    if scale and walk > 0:
+        notes.append(
+            f"course speeds are scaled to the data: the fastest walk to {walk:.2f} m/s, "
+            f"the fastest run to {run:.2f} m/s"
+        )
+    feet = quality.Feet.of(database)
+    rows, traces, costs = [], [], {}
+    jobs = [(entry, course) for entry in chosen for course in played]
+    system: System | None = None
+    absent: set[str] = set()
+    for entry, course in console.progress(jobs, label="compare", unit="runs") if progress else jobs:
+        if entry.name in absent:
+            continue
+        if system is None or system.name != entry.name:
+            try:
+                system = entry.make(database, 1)
+            except UserError as error:
+                if systems is not None or indexes is not None:
+                    raise
+                absent.add(entry.name)
+                notes.append(f"{entry.name} is left out: {error}")
+                continue
+            system.name = entry.name
+        row, trace, cost = _run(system, course, feet, seconds, timed_seconds)
+        rows.append(row)
+        traces.append(trace)
+        costs.setdefault(entry.name, []).append(cost)
+    table = pd.DataFrame(rows)
+    return Comparison(
+        _summary(table, costs, quality.of_data(database, feet)),
+        table,
+        traces,
+        played,
+        feet.joints,
+        notes,
+        {
+            "name": name,
+            "fingerprint": database.fingerprint,
+            "frames": len(database),
+            "fps": database.fps,
+            "minutes": database.seconds / 60,
+            "ranges": len(database.starts),
+            "mirrored_ranges": int(database.mirrored.sum()),
+            "joints": len(database.skeleton),
+            "features": database.features.shape[1],
+            "walk_mps": walk,
+            "run_mps": run,
+            "foot_rest_height_m": [float(h) for h in feet.rest],
+            "foot_joints": [database.skeleton.names[j] for j in feet.joints],
+            "seconds": seconds,
+            "seed": seed,
+        },
+    )
+
+
+def natural_seconds(course: Course) -> float:
+    """How long a course lasts: a script's length, or the time that a way takes at its own speeds."""
+    if course.seconds is not None:
+        return course.seconds * (1 if course.waypoints else course.laps)
+    points = [w.position for w in course.waypoints]
+    targets = [*course.waypoints[1:], *course.waypoints[: course.closed]]
+    legs = zip([*points, points[0]], targets, strict=False)
+    return course.laps * sum(math.dist(here, target.position) / target.speed for here, target in legs)
+
+
+def _prepared(course: str | Course, walk: float, run: float, seed: int | None, scale: bool) -> Course:
+    course = course if isinstance(course, Course) else courses_.load(course)
+    if seed is not None and course.random is not None:
+        course = replace(course, random=replace(course.random, seed=seed))
+    return course.scaled(walk=walk, run=run) if scale and walk > 0 else course
+
+
+def _chosen(systems: Sequence[str | Entry] | None, indexes: Sequence[str] | None) -> list[Entry]:
+    if systems is None or all(isinstance(s, str) for s in systems):
+        return choose(systems, indexes=indexes)  # type: ignore[arg-type]
+    if not all(isinstance(s, Entry) for s in systems):
+        raise TypeError("give systems by name or as entries, not both")
+    return list(systems)  # type: ignore[arg-type]
+
+
+def _run(
+    system: System, course: Course, feet: quality.Feet, seconds: float, timed_seconds: float
+) -> tuple[dict[str, Any], quality.Trace, timing.Cost]:
+    """One system on one course: its row, its trace, its cost."""
+    seconds = min(seconds, natural_seconds(course))
+    driver = _Clock(course, system.count, system.fps)
+    run = recording.record(system, course, seconds=seconds, driver=driver, progress=_silent)
+    metrics, trace = quality.judge(
+        run.arrays, system.skeleton, system.fps, feet, run.path, system=system.name, course=course.name
+    )
+    frames = len(trace.walked)
+    cost = timing.frame_cost(system, course, min(frames, max(1, round(timed_seconds * system.fps))))
+    row = {"system": system.name, "course": course.name, "seconds": frames / system.fps}
+    return row | memory_mb(system) | cost.microseconds() | metrics, trace, cost
+
+
+class _Clock(Driver):
+    """A driver that goes on when all have arrived, so that every system is judged over the same time."""
+
+    def command(self, time: float, positions: NDArray, yaws: NDArray) -> Command:
+        command = super().command(time, positions, yaws)
+        self.done = False
+        return command
+
+
+def _silent(items: Iterator[int], **_: Any) -> Iterator[int]:
+    return items
+
+
+def memory_mb(system: System) -> dict[str, float]:
+    """Memory by part, MB of 10^6 bytes, and their sum."""
+    parts = {name: nbytes / 1e6 for name, nbytes in system.memory().items()}
+    return {"memory_mb": sum(parts.values())} | {
+        f"memory_{n.replace(' ', '_')}_mb": v for n, v in parts.items()
+    }
+
+
+def _summary(
+    table: pd.DataFrame, costs: dict[str, list[timing.Cost]], data: dict[str, float]
+) -> pd.DataFrame:
+    """A row a system: means over the courses, the largest pop, and the cost over all timed frames."""
+    rows: list[dict[str, Any]] = [{"system": DATA} | data] if data else []
+    for name, group in table.groupby("system", sort=False):
+        numbers = group.drop(columns=["system", "course"])
+        row = numbers.mean().to_dict() | {key: numbers[key].max() for key in WORST}
+        row["seconds"] = numbers["seconds"].sum()
+        cost = timing.Cost.joined(costs[str(name)])
+        rows.append({"system": name, "courses": len(group)} | row | cost.microseconds())
+    columns = ["system", "courses", *table.columns[2:]]
+    return pd.DataFrame(rows).reindex(columns=columns)
+
+
+def plain(table: pd.DataFrame) -> list[dict[str, Any]]:
+    """Rows of a table for JSON: NaN becomes None."""
+    return [
+        {key: None if _missing(value) else _python(value) for key, value in row.items()}
+        for row in table.to_dict("records")
+    ]
+
+
+def _missing(value: Any) -> bool:
+    return isinstance(value, float | np.floating) and not math.isfinite(value)
+
+
+def _python(value: Any) -> Any:
+    return value.item() if isinstance(value, np.generic) else value

@@ -1,0 +1,177 @@
+"""How well a recorded walk was done: one row of metrics, and what its plots need."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motion import kinematics, quat
+from motion.skeleton import Skeleton
+
+from . import metrics
+
+Array = NDArray[np.floating]
+
+STRIP_POSES = 14
+SAMPLED_FRAMES = 30_000
+
+
+@dataclass(frozen=True, eq=False)
+class Feet:
+    """The joints whose skate counts, left before right, and the height at which each rests."""
+
+    joints: list[int]
+    rest: Array
+
+    @staticmethod
+    def of(database: Any) -> Feet:
+        """The contact joints of a database; heights from up to 30,000 of its frames (`resting_heights`)."""
+        joints = [database.skeleton.role(role) for role in database.contact_roles]
+        frames = np.linspace(0, len(database) - 1, min(len(database), SAMPLED_FRAMES)).astype(np.int64)
+        poses = database.poses
+        return Feet(
+            joints,
+            metrics.resting_heights(
+                world_positions(database.skeleton, poses.positions[frames], poses.rotations[frames])[
+                    :, joints
+                ]
+            ),
+        )
+
+
+def world_positions(skeleton: Skeleton, positions: Array, rotations: Array) -> Array:
+    """World positions [..., J, 3] of local transforms, float64."""
+    return kinematics.forward(skeleton, np.asarray(positions, np.float64), np.asarray(rotations, np.float64))[
+        0
+    ]
+
+
+def in_root_space(skeleton: Skeleton, positions: Array, rotations: Array) -> Array:
+    """Positions [..., J-1, 3] of all joints but the ground root, in the ground root's space."""
+    positions, rotations = np.array(positions, np.float64), np.array(rotations, np.float64)
+    positions[..., 0, :], rotations[..., 0, :] = 0, [1, 0, 0, 0]
+    return kinematics.forward(skeleton, positions, rotations)[0][..., 1:, :]
+
+
+@dataclass(eq=False)
+class Trace:
+    """What the plots show of one system on one course: the first character.
+
+    path [P, 2] is what was commanded (None: only velocities were), asked [T, 2] where obeying the velocities
+    to the letter would have led; walked [T, 2]; speeds [T] in m/s; skate [T-1] in cm/s, the mean of the feet
+    over half a second; poses [S, J, 3] world positions at the frames of the film strip, low [S, C] which
+    feet rest on the ground.
+    """
+
+    system: str
+    course: str
+    fps: float
+    path: Array | None
+    asked: Array
+    walked: Array
+    asked_speed: Array
+    speed: Array
+    skate: Array
+    skeleton: Skeleton
+    frames: NDArray[np.int64]
+    poses: Array
+    yaws: Array
+    low: NDArray[np.bool_]
+
+    def same_walk(self, other: Trace) -> bool:
+        """Whether two systems did the very same thing."""
+        return self.course == other.course and np.array_equal(self.walked, other.walked)
+
+
+def judge(
+    arrays: Mapping[str, NDArray],
+    skeleton: Skeleton,
+    fps: float,
+    feet: Feet,
+    path: Array | None,
+    *,
+    system: str = "",
+    course: str = "",
+) -> tuple[dict[str, float], Trace]:
+    """Metrics and trace of a recording's arrays [T, N, ...] (see `mm.recording`); path [P, 2] or None."""
+    world = world_positions(skeleton, arrays["positions"], arrays["rotations"])
+    root = world[:, :, 0][..., [0, 2]]
+    yaws = quat.yaw(np.asarray(arrays["rotations"][:, :, 0], np.float64))
+    asked = np.asarray(arrays["command_velocity"], np.float64)
+    transition = np.asarray(arrays["transition"], bool)
+    standing = world[:, :, feet.joints]
+    local = in_root_space(skeleton, arrays["positions"], arrays["rotations"])
+    pops = metrics.pops(local)
+    errors = metrics.trajectory_error(root, yaws, arrays["command_yaw"], path)
+    response = metrics.responsiveness(asked, arrays["command_yaw"], root, yaws, fps)
+    row = {
+        "skate_cm_s": metrics.foot_skate(standing, fps, feet.rest),
+        "skate_ratio": metrics.skate_ratio(standing, fps, feet.rest),
+        "path_cm": errors.mean_cm,
+        "path_p95_cm": errors.p95_cm,
+        "heading_deg": errors.heading_deg,
+        "speed_response_s": response.speed_s,
+        "heading_response_s": response.heading_s,
+        "response_steps": float(response.speed_steps + response.heading_steps),
+        "response_share": response.answered,
+        "jerk_m_s3": metrics.jerk(world, fps),
+        "pop_cm": metrics.largest_pop(local, transition),
+        "ordinary_pop_cm": float(np.percentile(pops[~transition], 99))
+        if (~transition).any()
+        else float("nan"),
+        "transitions_per_s": float(transition.mean() * fps),
+        "speed_mps": float(metrics.root_speed(root, fps).mean()),
+        "speed_ratio": metrics.speed_ratio(root, asked, fps),
+    }
+    skate = metrics.skate(standing, fps, feet.rest)[:, 0].mean(axis=-1)
+    frames = np.linspace(0, len(world) - 1, min(STRIP_POSES, len(world))).astype(np.int64)
+    trace = Trace(
+        system,
+        course,
+        fps,
+        path,
+        metrics.command_path(asked[:, 0], root[0, 0], fps),
+        root[:, 0],
+        np.linalg.norm(asked[:, 0], axis=-1),
+        metrics.root_speed(root[:, 0], fps),
+        metrics.smooth(skate, fps, 0.5),
+        skeleton,
+        frames,
+        world[frames, 0],
+        yaws[frames, 0],
+        standing[frames, 0, :, 1] - feet.rest < metrics.SKATE_HEIGHT,
+    )
+    return row, trace
+
+
+def of_data(database: Any, feet: Feet) -> dict[str, float]:
+    """The same metrics, where they mean something, of the database's own clips: what no system can better.
+
+    Up to 30,000 frames, whole ranges, spread over the database; metrics are weighted by length.
+    """
+    lengths = database.stops - database.starts
+    stride = max(1, round(float(lengths.sum()) / SAMPLED_FRAMES))
+    rows, weights = [], []
+    for start, stop in zip(database.starts[::stride], database.stops[::stride], strict=True):
+        if stop - start < 4:
+            continue
+        poses = database.poses[start:stop]
+        world = world_positions(database.skeleton, poses.positions, poses.rotations)
+        local = in_root_space(database.skeleton, poses.positions, poses.rotations)
+        rows.append(
+            {
+                "skate_cm_s": metrics.foot_skate(world[:, feet.joints], database.fps, feet.rest),
+                "skate_ratio": metrics.skate_ratio(world[:, feet.joints], database.fps, feet.rest),
+                "jerk_m_s3": metrics.jerk(world, database.fps),
+                "ordinary_pop_cm": float(np.percentile(metrics.pops(local)[2:], 99)),
+                "speed_mps": float(metrics.root_speed(world[:, 0][:, [0, 2]], database.fps).mean()),
+            }
+        )
+        weights.append(stop - start)
+    if not rows:
+        return {}
+    return {key: float(np.average([row[key] for row in rows], weights=weights)) for key in rows[0]}

@@ -1,0 +1,108 @@
+"""Film strips: stick figures of a walk at even times, for a person to look at."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motion.skeleton import Skeleton
+
+Array = NDArray[np.floating]
+
+LEFT, MIDDLE, RIGHT = "#d1495b", "#7a8288", "#2e86ab"
+LIMBS = ("up_leg", "leg", "foot", "toe", "shoulder", "arm", "forearm", "hand")
+
+
+def bone_colours(skeleton: Skeleton) -> list[str]:
+    """A colour a joint, for the bone that leads to it: left, right, or neither, by roles and descent."""
+    colours = [""] * len(skeleton)
+    for side, colour in (("left", LEFT), ("right", RIGHT)):
+        for limb in LIMBS:
+            joint = skeleton.roles.get(f"{side}_{limb}")
+            if joint is not None:
+                colours[joint] = colour
+    for joint in range(len(skeleton)):
+        parent = skeleton.parents[joint]
+        if not colours[joint]:
+            above = colours[parent] if parent >= 0 else ""
+            colours[joint] = above or MIDDLE
+    return colours
+
+
+def draw(
+    axes: Any,
+    skeleton: Skeleton,
+    poses: Array,
+    yaws: Array,
+    *,
+    times: Array | None = None,
+    low: NDArray[np.bool_] | None = None,
+    feet: list[int] | None = None,
+    view: str = "side",
+) -> None:
+    """Draw poses [S, J, 3] (world) side by side on matplotlib axes, each seen by its own facing, yaws [S].
+
+    view "side" looks from the character's right, so that it faces to the right of the page; "front" faces
+    it; "top" looks down, the facing upwards. Feet that rest (low [S, C] of joints feet) bear a dot.
+    """
+    from matplotlib.collections import LineCollection
+
+    colours = bone_colours(skeleton)
+    flat = np.stack([project(pose, yaw, view) for pose, yaw in zip(poses, yaws, strict=True)])
+    extent = np.ptp(flat[:, 1:], axis=1)
+    cell = 1.15 * float(np.percentile(extent[:, 0], 90)) + 0.1
+    bones = [(j, p) for j, p in enumerate(skeleton.parents) if p > 0]
+    for s, pose in enumerate(flat):
+        pose = pose + np.array([s * cell, 0])
+        lines = [(pose[j], pose[p]) for j, p in bones]
+        axes.add_collection(LineCollection(lines, colors=[colours[j] for j, _ in bones], linewidths=1.3))
+        head = skeleton.roles.get("head")
+        if head is not None:
+            axes.plot(*pose[head], "o", color=MIDDLE, markersize=3.5)
+        if low is not None and feet is not None and view != "top":
+            for c, joint in enumerate(feet):
+                if low[s, c]:
+                    axes.plot(pose[joint, 0], 0, "o", color=colours[joint], markersize=3)
+        if times is not None:
+            axes.text(s * cell, -0.06 * cell - 0.08, f"{times[s]:.1f} s", ha="center", va="top", fontsize=7)
+    if view != "top":
+        axes.axhline(0, color=MIDDLE, linewidth=0.6, zorder=0)
+    axes.set_aspect("equal")
+    axes.set_xlim(-0.7 * cell, (len(flat) - 0.3) * cell)
+    top, bottom = float(flat[..., 1].max()), float(flat[..., 1].min())
+    axes.set_ylim(min(bottom, 0) - 0.25, top + 0.1)
+    axes.set_axis_off()
+
+
+def project(pose: Array, yaw: float, view: str = "side") -> Array:
+    """Page coordinates [J, 2] of world positions [J, 3], the root at the origin, facing yaw turned away."""
+    x, y, z = np.moveaxis(pose - pose[0] * [1, 0, 1], -1, 0)
+    ahead, left = x * np.sin(yaw) + z * np.cos(yaw), x * np.cos(yaw) - z * np.sin(yaw)
+    if view == "side":
+        return np.stack([ahead, y], axis=-1)
+    if view == "front":
+        return np.stack([left, y], axis=-1)
+    if view == "top":
+        return np.stack([-left, ahead], axis=-1)
+    raise ValueError(f"no view {view!r}; side, front or top")
+
+
+def figure(trace: Any, *, views: tuple[str, ...] = ("side", "front"), feet: list[int] | None = None) -> Any:
+    """A matplotlib figure with one strip a view of a `bench.quality.Trace`."""
+    from matplotlib.figure import Figure
+
+    picture = Figure(figsize=(11, 1.5 * len(views)), layout="constrained")
+    for axes, view in zip(np.atleast_1d(picture.subplots(len(views), 1)), views, strict=True):
+        draw(
+            axes,
+            trace.skeleton,
+            trace.poses,
+            trace.yaws,
+            times=trace.frames / trace.fps if view == views[-1] else None,
+            low=trace.low,
+            feet=feet,
+            view=view,
+        )
+    return picture

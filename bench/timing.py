@@ -1,0 +1,174 @@
+"""How time is measured: one pinned thread, warm, no collector, the clock around the step alone."""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import os
+import platform
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from importlib import metadata
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+LIBRARIES = ("numpy", "scipy", "numba", "faiss-cpu", "pandas", "safetensors")
+
+
+@contextlib.contextmanager
+def single_thread() -> Iterator[None]:
+    """One thread on one processor, without garbage collection; everything as before on leaving."""
+    import numba
+
+    pinnable = hasattr(os, "sched_setaffinity")
+    processors = os.sched_getaffinity(0) if pinnable else set()
+    threads, collecting = numba.get_num_threads(), gc.isenabled()
+    faiss: Any = sys.modules.get("faiss")
+    faiss_threads = faiss.omp_get_max_threads() if faiss else 1
+    try:
+        if pinnable:
+            os.sched_setaffinity(0, {max(processors)})
+        numba.set_num_threads(1)
+        if faiss:
+            faiss.omp_set_num_threads(1)
+        gc.collect()
+        gc.disable()
+        yield
+    finally:
+        if collecting:
+            gc.enable()
+        if faiss:
+            faiss.omp_set_num_threads(faiss_threads)
+        numba.set_num_threads(threads)
+        if pinnable:
+            os.sched_setaffinity(0, processors)
+
+
+@dataclass(eq=False)
+class Cost:
+    """Seconds of every frame, [T]: the whole step, and each stage in a run of its own.
+
+    The stages' timers cost time themselves, hence two runs; frame by frame the two do not belong together.
+    """
+
+    whole: NDArray[np.float64]
+    stages: dict[str, NDArray[np.float64]]
+    searched: NDArray[np.bool_]
+
+    def microseconds(self) -> dict[str, float]:
+        """The columns of the table: median, mean and p99 of the frame; the mean of each stage, and the median
+        of the projection over the frames that searched (one in six) as search_us."""
+        whole = 1e6 * self.whole
+        row = {
+            "frame_us": float(np.median(whole)),
+            "frame_mean_us": float(whole.mean()),
+            "frame_p99_us": float(np.percentile(whole, 99)),
+        }
+        row |= {f"{name.replace(' ', '_')}_us": float(1e6 * t.mean()) for name, t in self.stages.items()}
+        if "projection" in self.stages and self.searched.any():
+            row["search_us"] = float(1e6 * np.median(self.stages["projection"][self.searched]))
+        return row
+
+    @staticmethod
+    def joined(costs: Sequence[Cost]) -> Cost:
+        """The frames of several runs together."""
+        return Cost(
+            np.concatenate([cost.whole for cost in costs]),
+            {name: np.concatenate([cost.stages[name] for cost in costs]) for name in costs[0].stages},
+            np.concatenate([cost.searched for cost in costs]),
+        )
+
+
+def frame_cost(system: Any, course: Any, frames: int, *, warm: int = 30) -> Cost:
+    """Drive a system over a course twice, first timing whole steps, then stages (where it tells them)."""
+    with single_thread():
+        whole, _, _ = _drive(system, course, frames, warm)
+        if not hasattr(system, "timed"):
+            return Cost(whole, {}, np.zeros(frames, bool))
+        system.timed = True
+        try:
+            _, stages, searched = _drive(system, course, frames, warm)
+        finally:
+            system.timed = False
+    return Cost(whole, stages, searched)
+
+
+def _drive(
+    system: Any, course: Any, frames: int, warm: int
+) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]], NDArray[np.bool_]]:
+    """Seconds [frames] of each step, of each stage, and which frames searched."""
+    for _ in _steps(system, course, warm):
+        pass
+    timed = getattr(system, "timed", False)
+    whole, searched, rows = np.zeros(frames), np.zeros(frames, bool), []
+    for t, seconds in enumerate(_steps(system, course, frames)):
+        whole[t] = seconds
+        if timed:
+            rows.append(dict(system.stage_seconds))
+            searched[t] = system.record()["searched"].any()
+    names = {name: None for row in rows for name in row}
+    return whole, {name: np.array([row.get(name, 0.0) for row in rows]) for name in names}, searched
+
+
+def _steps(system: Any, course: Any, frames: int) -> Iterator[float]:
+    """Drive a system from a course's start, and say how long each step took."""
+    from mm.driver import Driver
+    from motion import quat
+
+    driver = Driver(course, system.count, system.fps)
+    system.reset(driver.starts, driver.yaws)
+    positions, yaws = driver.starts, driver.yaws
+    for t in range(frames):
+        command = driver.command(t / system.fps, positions, yaws)
+        start = time.perf_counter()
+        poses = system.step(command)
+        seconds = time.perf_counter() - start
+        positions, yaws = poses.positions[:, 0, [0, 2]], quat.yaw(poses.rotations[:, 0])
+        yield seconds
+
+
+def best_of(function: Callable[[], Any], *, repeats: int = 5, least: float = 0.0) -> list[float]:
+    """Seconds of each of several calls, at least least in all, after one that does not count."""
+    function()
+    times: list[float] = []
+    while len(times) < repeats or sum(times) < least:
+        start = time.perf_counter()
+        function()
+        times.append(time.perf_counter() - start)
+    return times
+
+
+def machine() -> dict[str, str]:
+    """What the numbers were measured on: processor, memory, system, versions of Python and libraries."""
+    versions = {}
+    for name in LIBRARIES:
+        with contextlib.suppress(metadata.PackageNotFoundError):
+            versions[name] = metadata.version(name)
+    return {
+        "processor": _processor(),
+        "processors": str(
+            len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+        ),
+        "memory_gb": _memory(),
+        "system": f"{platform.system()} {platform.release()}",
+        "python": platform.python_version(),
+        **versions,
+    }
+
+
+def _processor() -> str:
+    with contextlib.suppress(OSError), open("/proc/cpuinfo") as lines:
+        for line in lines:
+            if line.startswith("model name"):
+                return line.split(":", 1)[1].strip()
+    return platform.processor() or platform.machine()
+
+
+def _memory() -> str:
+    with contextlib.suppress(OSError, ValueError, AttributeError):
+        return f"{os.sysconf('SC_PAGE_SIZE') * os.sysconf('SC_PHYS_PAGES') / 1e9:.1f}"
+    return "unknown"
