@@ -38,16 +38,24 @@ def _product(a, b):
     return p, ((ah * bh - p) + ah * bl + al * bh) + al * bl
 
 
-@numba.njit(cache=True, nogil=True)
-def _long_quotient(mantissa, power):
-    """mantissa (2^53 to 2^62) / power (exact), and whether its rounding is beyond doubt."""
-    high = float(mantissa)
-    low = float(mantissa - np.int64(high))
+@numba.njit(cache=True, nogil=True, inline="always")
+def _quotient(high, low, power):
+    """(high + low) / power in double-double."""
     q = high / power
     product, error = _product(q, power)
-    rest = (((high - product) - error) + low) / power
-    value = q + rest
-    error = rest - (value - q)
+    return q, (((high - product) - error) + low) / power
+
+
+@numba.njit(cache=True, nogil=True)
+def _long_quotient(mantissa, places):
+    """mantissa (int64, 1 to 2^62) / 10^places (1 to 44), and whether its rounding is beyond doubt."""
+    high = float(mantissa)
+    low = float(mantissa - np.int64(high))
+    high, low = _quotient(high, low, _POWERS[min(places, 22)])
+    if places > 22:
+        high, low = _quotient(high, low, _POWERS[places - 22])
+    value = high + low
+    error = low - (value - high)
     fraction, exponent = math.frexp(value)
     half = math.ldexp(1.0, exponent - 54)
     if fraction == 0.5:
@@ -59,13 +67,14 @@ def _long_quotient(mantissa, power):
 def to_double(mantissa, exponent):
     """mantissa (int64, 0 to 2^62) times 10^exponent, and whether it is surely the nearest double."""
     if mantissa < _EXACT:
-        if -22 <= exponent < 0:
+        if -22 <= exponent <= 0:
             return mantissa / _POWERS[-exponent], True
-        if 0 <= exponent <= 22:
+        if 0 < exponent <= 22:
             return mantissa * _POWERS[exponent], True
-        return 0.0, mantissa == 0
-    if -22 <= exponent < 0:
-        return _long_quotient(mantissa, _POWERS[-exponent])
+        if mantissa == 0:
+            return 0.0, True
+    if -44 <= exponent < 0:
+        return _long_quotient(mantissa, -exponent)
     return 0.0, False
 
 
@@ -162,8 +171,8 @@ def _read(data, state, out, doubts):
             if noted == len(doubts):
                 status = FULL
                 break
-            doubts[noted, 0], doubts[noted, 1] = row, column
-            doubts[noted, 2], doubts[noted, 3] = i, line
+            doubts[noted, 0], doubts[noted, 1], doubts[noted, 2] = row, column, line
+            doubts[noted, 3], doubts[noted, 4] = i, end
             noted += 1
         else:
             status = BAD
@@ -207,13 +216,13 @@ def read_table(data: Bytes, columns: int, most_rows: int) -> tuple[NDArray[np.fl
     and memory is bounded by the length of data whatever `most_rows` says.
     """
     out = np.empty((min(most_rows, len(data) // (2 * columns) + 1), columns))
-    doubts = np.empty((1024, 4), np.int64)
+    doubts = np.empty((1024, 5), np.int64)
     state = np.zeros(5, np.int64)
+    view = memoryview(data)
     while True:
         kind = _read(data, state, out, doubts)
-        for row, column, at, line in doubts[: state[4]].tolist():
-            token = bytes(data[at : at + 4096]).split(maxsplit=1)[0]
-            value = float(token) if len(token) < 4096 else math.inf
+        for row, column, line, at, end in doubts[: state[4]].tolist():
+            value = float(view[at:end]) if end - at < 4096 else math.inf
             if not abs(value) <= LIMIT:
                 return out[:row], Fault(BAD, line, row, column, token_at(data, at))
             out[row, column] = value

@@ -24,7 +24,7 @@ def read_bytes(path: str | os.PathLike[str]) -> bytes:
         raise UserError(f"cannot read: {error.strerror}", path=path, remedy="check the path") from error
     except ValueError as error:  # a NUL character in the path
         raise UserError(f"cannot read: {error}", path=path, remedy="check the path") from error
-    if not data.strip():
+    if not data or data.isspace():
         raise UserError("the file is empty", path=path, remedy=WHOLE_COPY)
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         raise UserError("16-bit text", path=path, line=1, remedy="save it as plain text (UTF-8)")
