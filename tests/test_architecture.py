@@ -92,6 +92,15 @@ def test_the_commands_promised_are_there() -> None:
     assert set(promised) | {"bench compare", "bench search"} <= set(ALL)
 
 
+def check_usage(line: str) -> None:
+    """Whether "mm build clips -o DB" names a command there is, with options it has."""
+    known = [command for command in ALL if f"{line} ".startswith(f"{command} ")]
+    assert known, f"no such command: python -m {line}"
+    flags = {flag for p in ALL[known[0]].params for flag in [*p.opts, *p.secondary_opts]}
+    used = {word.partition("=")[0] for word in line.split() if re.match(r"--?[a-z]", word)}
+    assert used <= flags, f"python -m {line}: no such option"
+
+
 @pytest.mark.parametrize("name", ALL)
 def test_help_ends_with_an_example_that_the_command_would_accept(name: str) -> None:
     package, *rest = name.split()
@@ -103,11 +112,15 @@ def test_help_ends_with_an_example_that_the_command_would_accept(name: str) -> N
     assert start == "" and lines, f"{name} --help does not end with 'Example: python -m {name} ...'"
     assert f"{lines[0]} ".startswith(f"{name} ")
     for line in lines:
-        known = [command for command in ALL if f"{line} ".startswith(f"{command} ")]
-        assert known, f"no such command: python -m {line}"
-        flags = {flag for p in ALL[known[0]].params for flag in [*p.opts, *p.secondary_opts]}
-        used = {word.partition("=")[0] for word in line.split() if re.match(r"--?[a-z]", word)}
-        assert used <= flags, f"python -m {line}: no such option"
+        check_usage(line)
+
+
+def test_the_commands_in_the_readme_exist() -> None:
+    lines = re.findall(r"^    python -m ([a-z]\S* [a-z]\S* .*)", (ROOT / "README.md").read_text(), re.M)
+    ours = [line for line in lines if line.split()[0] in PACKAGES]
+    assert {line.split()[0] for line in ours} >= {"motion", "mm", "bench"}
+    for line in ours:
+        check_usage(line)
 
 
 @pytest.mark.parametrize("package", COMMANDS)
