@@ -1,0 +1,85 @@
+"""When feet stand on the ground."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import kinematics
+from .clip import Clip
+from .errors import UserError
+from .skeleton import Skeleton
+
+SPEED, WINDOW = 0.15, 0.1  # m/s; seconds, 6 frames at 60 Hz
+
+
+def contact_roles(skeleton: Skeleton) -> tuple[str, ...]:
+    """The roles whose contacts are told by default, left before right: toes, or feet where there are none."""
+    for part in ("toe", "foot"):
+        roles = (f"left_{part}", f"right_{part}")
+        if all(role in skeleton.roles for role in roles):
+            return roles
+    known = ", ".join(skeleton.roles) or "none"
+    raise UserError(
+        f"no pair of toes or feet to tell contacts of (roles found: {known})",
+        remedy=f"name left_foot and right_foot in a roles file; the joints are {', '.join(skeleton.names)}",
+    )
+
+
+def contacts(
+    clip: Clip, *, roles: Sequence[str] | None = None, speed: float = SPEED, window: float = WINDOW
+) -> NDArray[np.uint8]:
+    """Ground contacts [T, C], 1 where the joint of roles[c] (default `contact_roles`) is still.
+
+    Still means slower than speed (m/s), after a median filter over window seconds (REFERENCE 2.6).
+    """
+    roles = contact_roles(clip.skeleton) if roles is None else roles
+    joints = [clip.skeleton.role(role) for role in roles]
+    velocities = _world_velocities(clip, joints)
+    return still(velocities, clip.fps, speed=speed, window=window)
+
+
+def still(
+    velocities: NDArray, fps: float, *, speed: float = SPEED, window: float = WINDOW
+) -> NDArray[np.uint8]:
+    """Whether world velocities [T, C, 3] (m/s) are slower than speed, median-filtered, uint8 [T, C]."""
+    rates = np.linalg.norm(velocities, axis=-1)
+    return median(rates < speed, max(1, round(window * fps))).astype(np.uint8)
+
+
+def _world_velocities(clip: Clip, joints: Sequence[int]) -> NDArray[np.float64]:
+    """World velocities [T, C, 3] of some joints, through the hierarchy as the public reference does.
+
+    Differences of world positions are the same to second order only, which matters near the threshold.
+    """
+    skeleton = clip.skeleton
+    needed = sorted({j for joint in joints for j in skeleton.chain(joint)})
+    place = {j: i for i, j in enumerate(needed)}
+    chain = Skeleton(
+        tuple(skeleton.names[j] for j in needed),
+        np.array([place.get(int(skeleton.parents[j]), -1) for j in needed], np.int32),
+        skeleton.offsets[needed],
+    )
+    positions, rotations = clip.positions[:, needed], clip.rotations[:, needed]
+    _, _, velocities, _ = kinematics.forward_velocities(
+        chain,
+        positions,
+        rotations,
+        kinematics.velocities(positions, clip.fps),
+        kinematics.angular_velocities(rotations, clip.fps),
+    )
+    return velocities[:, [place[j] for j in joints]]
+
+
+def median(flags: NDArray[np.bool_], size: int) -> NDArray[np.bool_]:
+    """Median of flags [T, ...] over size frames, size // 2 of them before; the ends repeat; ties are true."""
+    if len(flags) == 0:
+        return flags.copy()
+    before = size // 2
+    padded = np.concatenate(
+        [np.repeat(flags[:1], before, axis=0), flags, np.repeat(flags[-1:], size - 1 - before, axis=0)]
+    )
+    total = np.cumsum(np.concatenate([np.zeros_like(padded[:1]), padded]).astype(np.int64), axis=0)
+    return 2 * (total[size:] - total[:-size]) >= size
