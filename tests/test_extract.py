@@ -154,7 +154,7 @@ def random_poses(seed: int, count: int = 40) -> Poses:
     poses = Poses(*(random.normal(size=(count, len(RIG), 3)).astype(np.float32) for _ in range(4)))
     poses.rotations = quat.normalize(random.normal(size=(count, len(RIG), 4))).astype(np.float32)
     poses.positions[:, 0, 1] = 0
-    poses.rotations[:, 0] = quat.from_yaw(random.uniform(-np.pi, np.pi, count))
+    poses.rotations[:, 0] = quat.from_yaw(np.cumsum(random.uniform(-1, 1, count)))
     return poses
 
 
