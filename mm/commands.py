@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .control import Command
 from .speeds import Speeds
+from .springs import wrap
 
 Float = NDArray[np.float32]
 
@@ -111,7 +112,7 @@ def _command(velocity: NDArray, yaw: NDArray, turn_rate: NDArray) -> Command:
     # Facings in [-pi, pi): cameras that go on turning would lose digits in float32.
     return Command(
         np.ascontiguousarray(velocity, np.float32),
-        np.asarray((yaw + np.pi) % (2 * np.pi) - np.pi, np.float32),
+        np.asarray(wrap(yaw), np.float32),
         np.array(turn_rate, np.float32),
         np.zeros(len(velocity), np.uint32),
         np.zeros(len(velocity), np.uint32),

@@ -195,7 +195,7 @@ class Course:
     speeds : what the stick's full tilt means.
     interpolate : velocities and tilts hold until the next key, or go there linearly.
     laps : rounds of a closed way, or times that a script is played.
-    seconds : length of a script; a way ends then at the latest.
+    seconds : length of a script; laps of a way take at most as long.
     start, facing : where characters start, x, z, and the direction they face; None: at the first waypoint and
         along the way, or at the origin and along +Z.
     circles, boxes : obstacles.

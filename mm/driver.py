@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from .commands import from_stick, from_velocity
 from .control import Command
 from .course import Course, StickKey
-from .polyline import Polyline, spline, wrap
+from .polyline import Polyline, spline
+from .springs import wrap
 
 Float = NDArray[np.float64]
 
@@ -38,7 +39,8 @@ class Driver:
     ----------
     starts : float32 [N, 2], yaws : float32 [N]; where to reset the system to.
     path : float64 [P, 2] polyline of the way, first point repeated when closed; None for scripts.
-    limit : seconds after which it is over in any case: the course's own, or twice what the way should take.
+    nominal : seconds that the course should take.
+    limit : seconds after which it is over in any case: the course's own, or twice nominal and ten more.
     done : all have arrived, or time is up.
     """
 
@@ -59,7 +61,8 @@ class Driver:
             self._part = _Way(course, count, spread, lookahead)
         else:
             self._part = _Script(course, count, spread)
-        self.path, self.limit = self._part.path, self._part.limit
+        self.path, self.nominal = self._part.path, self._part.nominal
+        self.limit = course.seconds * course.laps if course.seconds else 2 * self.nominal + 10
         self.reset()
 
     @property
@@ -131,8 +134,7 @@ class _Way:
         self._begin = share * line.length
         self._first = np.searchsorted(self._marks, self._begin, side="right")
         self._last = self._first + legs * course.laps
-        takes = float(np.sum(np.diff(marks, prepend=0.0) / self._speeds[:legs])) * course.laps
-        self.limit = course.seconds if course.seconds is not None else 2 * takes + 10
+        self.nominal = float(np.sum(np.diff(marks, prepend=0.0) / self._speeds[:legs])) * course.laps
 
     def reset(self) -> tuple[Float, Float]:
         self._progress, self._leg = self._begin.copy(), self._first.copy()
@@ -162,7 +164,8 @@ class _Way:
             strafes = np.any(self._facings[leg] != 0, axis=1)
             rate = np.where(strafes, 0.0, turn / reach * speed)
             # Inside of a tight bend the nearest point can stop: the aim stays ahead all the same.
-            self._progress = np.minimum(progress + np.clip(reach / 2 - distance, 0, None), self._marks[leg])
+            push = np.where(arrived, 0.0, np.clip(reach / 2 - distance, 0, None))
+            self._progress = np.minimum(progress + push, self._marks[leg])
         velocity = way * (speed / np.maximum(distance, 1e-6))[:, None]
         return from_velocity(velocity, self._facings[leg], last_yaw=last, turn_rate=rate), bool(arrived.all())
 
@@ -201,7 +204,7 @@ class _Script:
     def __init__(self, course: Course, count: int, spread: bool) -> None:
         assert course.seconds is not None  # scripts have a length
         self._course, self._count = course, count
-        self._seconds, self.limit = course.seconds, course.seconds * course.laps
+        self._seconds, self.nominal = course.seconds, course.seconds * course.laps
         self._offsets = np.arange(count) / count * self._seconds if spread else np.zeros(count)
         keys = course.script()
         self._sticks = bool(keys)

@@ -36,6 +36,15 @@ class Polyline:
     def length(self) -> float:
         return float(self.arcs[-1])
 
+    def distance(self, positions: NDArray) -> Float:
+        """Distance [N] of positions [N, 2] to the nearest point of the whole line."""
+        best = np.full(len(positions), np.inf)
+        for start, direction, length in zip(self.points, self.directions, np.diff(self.arcs), strict=False):
+            away = positions - start
+            along = np.clip(away @ direction, 0, length)
+            best = np.minimum(best, np.linalg.norm(away - along[:, None] * direction, axis=-1))
+        return best
+
     def at(self, arc: Float) -> tuple[Float, Float, NDArray[np.int64]]:
         """Point [N, 2], direction [N, 2] and segment [N] at arc lengths [N]."""
         arc = arc % self.length if self.closed else np.clip(arc, 0, self.length)
@@ -59,8 +68,3 @@ def spline(points: ArrayLike, *, closed: bool, spacing: float) -> tuple[Float, N
     pieces = [np.linspace(knots[i], knots[i + 1], counts[i], endpoint=False) for i in range(len(counts))]
     where = np.concatenate([*pieces, knots[-1:]])
     return curve(where), np.concatenate([[0], np.cumsum(counts)])
-
-
-def wrap(angle: NDArray) -> NDArray:
-    """Angles in [-pi, pi)."""
-    return (angle + np.pi) % (2 * np.pi) - np.pi
