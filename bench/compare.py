@@ -25,7 +25,7 @@ from .systems import Entry, choose
 
 COURSES = ("thesis", "circle", "star", "start-stop", "turn-180", "strafe", "random")
 SECONDS = 60.0  # at most, of each course
-TIMED_SECONDS = 20.0
+TIMED_SECONDS = 10.0
 WORST = ("pop_cm",)  # of these a system's summary row has the largest, of all other metrics the mean
 DATA = "(the clips)"
 

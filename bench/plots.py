@@ -1,0 +1,207 @@
+"""The report's figures, as inline SVG that takes the page's text colour, so that light and dark both work."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import re
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from .quality import Trace
+
+INK = "#0f0e0d"  # stands for the page's text colour in what matplotlib draws
+COLOURS = ("#2e86ab", "#d1495b", "#3c9d57", "#e09f3e", "#8e5fbf", "#17a2a2", "#c86f98", "#8a8d3f", "#7a8288")
+STAGES = (
+    "prediction",
+    "query",
+    "projection",
+    "stepping",
+    "decompression",
+    "inertialization",
+    "synchronization",
+    "foot_lock",
+)
+DRAWN_POINTS = 400
+
+
+@contextlib.contextmanager
+def style(salt: str) -> Iterator[None]:
+    """Matplotlib settings of all figures; salt makes the ids of one page's figures differ."""
+    import matplotlib
+
+    ink = ("text.color", "axes.labelcolor", "axes.edgecolor", "xtick.color", "ytick.color")
+    settings: dict[str, Any] = dict.fromkeys(ink, INK) | {
+        "svg.fonttype": "none",
+        "svg.hashsalt": salt,
+        "font.family": ["sans-serif"],
+        "font.size": 8,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "axes.facecolor": "none",
+        "figure.facecolor": "none",
+        "savefig.facecolor": "none",
+        "legend.frameon": False,
+        "legend.labelcolor": INK,
+        "grid.color": "#8884",
+        "axes.prop_cycle": matplotlib.cycler(color=COLOURS),
+    }
+    with matplotlib.rc_context(settings):
+        yield
+
+
+def figure(width: float, height: float, columns: int = 1) -> tuple[Any, NDArray]:
+    """An empty figure (inches) and its axes in a row."""
+    from matplotlib.figure import Figure
+
+    picture = Figure(figsize=(width, height), layout="constrained")
+    return picture, np.atleast_1d(picture.subplots(1, columns))
+
+
+def svg(picture: Any) -> str:
+    """A figure as an SVG element for a page."""
+    text = io.StringIO()
+    picture.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
+    body = text.getvalue()
+    body = body[body.index("<svg") :].replace(INK, "currentColor")
+    # Fonts are the page's own, sizes scale with the page.
+    body = re.sub(r"font: ([\d.]+px) [^;\"]*", r"font-size: \1", body)
+    body = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", body, count=1)
+    return re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", body, count=1)
+
+
+def thin(values: NDArray, points: int = DRAWN_POINTS) -> NDArray:
+    """At most so many of the values, evenly."""
+    return values[:: max(1, -(-len(values) // points))]
+
+
+def paths(traces: Sequence[Trace], labels: Sequence[str]) -> Any:
+    """Where the systems walked on one course, over what was commanded."""
+    picture, (axes,) = figure(4.6, 4.2)
+    asked = traces[0].path if traces[0].path is not None else traces[0].asked
+    what = "commanded path" if traces[0].path is not None else "the command obeyed to the letter"
+    axes.plot(*thin(asked, 2000).T, color=INK, linewidth=0.9, linestyle=(0, (4, 2)), label=what)
+    for trace, label in zip(traces, labels, strict=True):
+        axes.plot(*thin(trace.walked, 1500).T, linewidth=1.2, label=label, alpha=0.9)
+    axes.plot(*traces[0].walked[0], "o", color=INK, markersize=4)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.invert_xaxis()  # looked at from above with +Z up the page, +X is on the left
+    axes.set_xlabel("x, m")
+    axes.set_ylabel("z, m")
+    axes.legend(loc="upper left", bbox_to_anchor=(0, -0.12), fontsize=7)
+    return picture
+
+
+def over_time(traces: Sequence[Trace], labels: Sequence[str]) -> Any:
+    """Speed against what was commanded, and skate, over time on one course."""
+    from matplotlib.figure import Figure
+
+    picture = Figure(figsize=(6.4, 4.2), layout="constrained")
+    speed, skate = picture.subplots(2, 1, sharex=True)
+    first = traces[0]
+    speed.plot(
+        thin(np.arange(len(first.asked_speed)) / first.fps, 1200),
+        thin(first.asked_speed, 1200),
+        color=INK,
+        linewidth=0.9,
+        linestyle=(0, (4, 2)),
+        label="commanded",
+    )
+    for trace, label in zip(traces, labels, strict=True):
+        time = np.arange(len(trace.speed)) / trace.fps
+        speed.plot(thin(time, 1200), thin(trace.speed, 1200), linewidth=0.9, label=label, alpha=0.9)
+        skate.plot(thin(time[1:], 1200), thin(trace.skate, 1200), linewidth=0.9, alpha=0.9)
+    speed.set_ylabel("speed, m/s")
+    skate.set_ylabel("foot skate, cm/s")
+    skate.set_xlabel("time, s")
+    for axes in (speed, skate):
+        axes.set_ylim(bottom=0)
+        axes.grid(True, axis="y")
+    return picture
+
+
+def stacked(rows: pd.DataFrame, columns: Sequence[str], names: Sequence[str], unit: str) -> Any:
+    """A horizontal bar a system, its parts stacked."""
+    picture, (axes,) = figure(9, 0.9 + 0.23 * len(rows))
+    left = np.zeros(len(rows))
+    at = np.arange(len(rows))[::-1]
+    for column, name in zip(columns, names, strict=True):
+        values = rows[column].fillna(0).to_numpy(float)
+        axes.barh(at, values, left=left, height=0.7, label=name)
+        left += values
+    for y, total in zip(at, left, strict=True):
+        axes.text(total, y, f" {total:.3g}", va="center", fontsize=7)
+    axes.set_yticks(at, rows["system"])
+    axes.set_xlabel(unit)
+    axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=len(names), fontsize=7)
+    return picture
+
+
+def costs(summary: pd.DataFrame) -> Any:
+    """Mean microseconds a frame by stage."""
+    rows = summary[summary["frame_us"].notna()]
+    stages = [s for s in STAGES if f"{s}_us" in rows and rows[f"{s}_us"].notna().any()]
+    if not stages:
+        return stacked(rows, ["frame_mean_us"], ["whole frame"], "microseconds a frame, mean")
+    names = [s.replace("_", " ") for s in stages]
+    return stacked(rows, [f"{s}_us" for s in stages], names, "microseconds a frame, mean, one character")
+
+
+def memory(summary: pd.DataFrame) -> Any:
+    """MB by part."""
+    rows = summary[summary["memory_mb"].notna()]
+    parts = [c for c in rows.columns if c.startswith("memory_") and c != "memory_mb"]
+    return stacked(rows, parts, [p[7:-3].replace("_", " ") for p in parts], "MB (10^6 bytes)")
+
+
+def skate_and_path(summary: pd.DataFrame) -> Any:
+    """Foot skate beside distance from the path, a bar a system."""
+    picture, axes = figure(9, 0.7 + 0.2 * len(summary), 2)
+    at = np.arange(len(summary))[::-1]
+    for one, column, label in zip(
+        axes,
+        ("skate_cm_s", "path_cm"),
+        ("foot skate, cm/s", "distance from the commanded path, cm"),
+        strict=True,
+    ):
+        one.barh(at, summary[column].fillna(0), height=0.7, color=COLOURS[0])
+        for y, value in zip(at, summary[column], strict=True):
+            if np.isfinite(value):
+                one.text(value, y, f" {value:.3g}", va="center", fontsize=7)
+        one.set_yticks(at, summary["system"])
+        one.set_xlabel(label)
+    return picture
+
+
+def groups(traces: Sequence[Trace]) -> list[list[Trace]]:
+    """Traces of one course, those that did the very same thing together."""
+    out: list[list[Trace]] = []
+    for trace in traces:
+        same = next((group for group in out if group[0].same_walk(trace)), None)
+        if same is None:
+            out.append([trace])
+        else:
+            same.append(trace)
+    return out
+
+
+def label(group: Sequence[Trace]) -> str:
+    """Names of systems that did the same, as a legend shows them."""
+    names = [trace.system for trace in group]
+    return (
+        names[0]
+        if len(names) == 1
+        else f"{names[0]} = {', '.join(names[1:3])}"
+        + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+    )
+
+
+def png(picture: Any) -> bytes:
+    """A figure as a PNG on white, to look at."""
+    data = io.BytesIO()
+    picture.savefig(data, format="png", dpi=110, facecolor="white")
+    return data.getvalue()

@@ -1,0 +1,187 @@
+"""What a comparison leaves behind: CSV, JSON, and one page that needs nothing else."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from motion import files
+
+from . import plots, strips
+from .compare import DATA, Comparison, plain
+
+# Column, title, digits after the point, what it is.
+COLUMNS: tuple[tuple[str, str, int, str], ...] = (
+    ("memory_mb", "memory MB", 2, "all that the system holds, 10^6 bytes"),
+    ("frame_us", "frame µs", 1, "median of a whole frame, one character, one pinned thread, warm"),
+    ("frame_mean_us", "mean µs", 1, "mean of a whole frame, its share of the searches included"),
+    ("frame_p99_us", "p99 µs", 0, "99th percentile of a whole frame"),
+    ("search_us", "search µs", 1, "median of the projection over the frames that searched"),
+    ("skate_cm_s", "skate cm/s", 2, "mean of v (2 - 2^(h/H)), H = 2.5 cm, over frames and feet"),
+    ("skate_ratio", "skating", 3, "share of frames with a foot below 5 cm and faster than 0.5 m/s"),
+    ("path_cm", "path cm", 1, "mean distance from the commanded path, on courses that have one"),
+    ("path_p95_cm", "path p95", 1, "95th percentile of that distance"),
+    ("heading_deg", "heading °", 1, "mean difference between the facing and the commanded facing"),
+    ("speed_response_s", "speed s", 2, "time from a step in the commanded speed to 90 % of it"),
+    ("heading_response_s", "turn s", 2, "time from a step in the commanded facing to 90 % of it"),
+    ("response_share", "answered", 2, "share of those steps that were answered before the next"),
+    ("jerk_m_s3", "jerk m/s³", 0, "mean norm of the third difference of joint positions"),
+    ("pop_cm", "pop cm", 2, "largest jump of a joint at a transition beyond what its velocity predicts"),
+    ("ordinary_pop_cm", "no pop cm", 2, "the same where there is no transition, 99th percentile"),
+    ("transitions_per_s", "trans/s", 2, "transitions a second"),
+    ("speed_ratio", "speed ratio", 2, "metres walked over metres commanded"),
+)
+BRIEF = (
+    "memory_mb",
+    "frame_us",
+    "frame_mean_us",
+    "frame_p99_us",
+    "search_us",
+    "skate_cm_s",
+    "path_cm",
+    "heading_deg",
+    "speed_response_s",
+    "heading_response_s",
+    "jerk_m_s3",
+    "pop_cm",
+    "transitions_per_s",
+    "speed_ratio",
+)
+ABOUT = {name: about for name, _, _, about in COLUMNS}
+STRIPS = 4  # different walks a course that are drawn as film strips
+
+
+def save(comparison: Comparison, folder: Path, *, command: str) -> list[Path]:
+    """Write summary.csv, courses.csv, summary.json and report.html, each whole or not at all."""
+    texts = {
+        "summary.csv": comparison.summary.to_csv(index=False, lineterminator="\n"),
+        "courses.csv": comparison.courses.to_csv(index=False, lineterminator="\n"),
+        "summary.json": json.dumps(to_json(comparison, command=command), indent=1, allow_nan=False) + "\n",
+        "report.html": html(comparison, command=command),
+    }
+    for name, text in texts.items():
+        with files.atomic(folder / name, "w") as stream:
+            stream.write(text)
+    return [folder / name for name in texts]
+
+
+def to_json(comparison: Comparison, *, command: str) -> dict[str, Any]:
+    """All numbers and where they come from, as plain data."""
+    return {
+        "command": command,
+        "database": comparison.database,
+        "machine": comparison.machine,
+        "notes": comparison.notes,
+        "summary": plain(comparison.summary),
+        "courses": plain(comparison.courses),
+        "played": [course.to_dict() for course in comparison.played],
+    }
+
+
+def brief(table: pd.DataFrame) -> list[dict[str, Any]]:
+    """Rows for the terminal: the columns that matter most, rounded; None where there is no number."""
+    titles = {name: (title, digits) for name, title, digits, _ in COLUMNS}
+    rows = []
+    for row in table.to_dict("records"):
+        cells: dict[str, Any] = {"system": row["system"]}
+        if "course" in row:
+            cells["course"] = row["course"]
+        for name in BRIEF:
+            title, digits = titles[name]
+            value = row.get(name)
+            cells[title] = None if value is None or not math.isfinite(value) else round(float(value), digits)
+        rows.append(cells)
+    return rows
+
+
+def number(value: Any, digits: int) -> str | None:
+    """A number with a fixed number of digits; None where there is none."""
+    if value is None or not math.isfinite(value):
+        return None
+    return f"{value:,.{digits}f}"
+
+
+def html(comparison: Comparison, *, command: str) -> str:
+    """The page."""
+    import jinja2
+
+    template = resources.files(__package__) / "templates" / "report.html"
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
+    return environment.from_string(template.read_text("utf-8")).render(
+        comparison=comparison,
+        facts=facts(comparison),
+        command=command,
+        data=DATA,
+        columns=[c for c in COLUMNS if c[0] in comparison.summary],
+        number=number,
+        summary=comparison.summary.to_dict("records"),
+        pictures=_pictures(comparison),
+        sections=[_section(comparison, course) for course in comparison.played],
+    )
+
+
+def facts(comparison: Comparison) -> list[str]:
+    """Sentences that follow from the numbers."""
+    rows = comparison.summary[comparison.summary["system"] != DATA]
+    out = []
+    for column, what, unit in (
+        ("memory_mb", "The smallest in memory", "MB"),
+        ("frame_mean_us", "The cheapest frame, on average,", "µs"),
+        ("skate_cm_s", "The least foot skate", "cm/s"),
+        ("path_cm", "The closest to the path", "cm"),
+    ):
+        values = rows[["system", column]].dropna() if column in rows else rows[:0]
+        if len(values):
+            best, worst = values.loc[values[column].idxmin()], values.loc[values[column].idxmax()]
+            sentence = f"{what} is {best['system']} with {best[column]:.3g} {unit}"
+            if worst[column] > best[column]:
+                sentence += f"; {worst['system']} has {worst[column]:.3g}"
+            out.append(sentence + ".")
+    return out
+
+
+def _pictures(comparison: Comparison) -> list[tuple[str, str]]:
+    """Title and SVG of the figures over all courses."""
+    systems = comparison.summary[comparison.summary["system"] != DATA]
+    out = []
+    for title, draw, rows in (
+        ("Cost of a frame by stage", plots.costs, systems),
+        ("Memory by part", plots.memory, systems),
+        ("Skate and distance from the path", plots.skate_and_path, comparison.summary),
+    ):
+        with plots.style(title):
+            out.append((title, plots.svg(draw(rows))))
+    return out
+
+
+def _section(comparison: Comparison, course: Any) -> dict[str, Any]:
+    """What the page shows of one course."""
+    traces = [t for t in comparison.traces if t.course == course.name]
+    rows = comparison.courses[comparison.courses["course"] == course.name]
+    groups = plots.groups(traces)
+    labels = [plots.label(group) for group in groups]
+    firsts = [group[0] for group in groups]
+    with plots.style(course.name):
+        pictures = [plots.svg(plots.paths(firsts, labels)), plots.svg(plots.over_time(firsts, labels))]
+    return {
+        "name": course.name,
+        "description": course.description,
+        "rows": rows.to_dict("records"),
+        "pictures": pictures,
+        "strips": _strips(comparison, groups, course.name),
+    }
+
+
+def _strips(comparison: Comparison, groups: Sequence[Sequence[Any]], course: str) -> list[tuple[str, str]]:
+    out = []
+    for i, group in enumerate(groups[:STRIPS]):
+        with plots.style(f"{course} {i}"):
+            picture = strips.figure(group[0], feet=comparison.feet)
+            out.append((plots.label(group), plots.svg(picture)))
+    return out
