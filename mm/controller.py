@@ -155,13 +155,14 @@ class Controller:
             raise ValueError(f"{len(command)} commands for {self.count} characters")
         characters, settings, shown = self.characters, self._settings, self._shown
         self._lap_start = time.perf_counter()
+        ended = self.state.ended()
         self._kernels.control(
-            characters, command.velocity, command.yaw, command.turn_rate, settings, self._obstacles,
+            characters, command.velocity, command.yaw, command.turn_rate, ended, settings, self._obstacles,
             self._future_times, self._future_slots, self._trajectory,
         )  # fmt: skip
         self._fill_past()
         self._lap("prediction")
-        self._search(command)
+        self._search(command, ended)
         self.stages.stepping.step(self.state)
         self._lap("stepping")
         self.stages.decompression.decompress(self.state, self._playing, self._contacts)
@@ -188,13 +189,10 @@ class Controller:
         self._lap("foot lock")
         return self._pose
 
-    def _search(self, command: Command) -> None:
+    def _search(self, command: Command, ended: NDArray[np.bool_]) -> None:
         """Where a search is due, look for a better place in the data and jump there."""
         self._moved[:] = False
-        ended = self.state.ended()
-        searching = self.characters["searching"]
-        searching |= ended
-        who = np.flatnonzero(searching)
+        who = np.flatnonzero(self.characters["searching"])
         if len(who) == 0:
             self._lap("query")
             self._lap("projection")

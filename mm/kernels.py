@@ -61,11 +61,11 @@ def _chase(x, z, vx, vz, ax, az, yaw, yaw_rate, dvx, dvz, dyaw, velocity_halflif
 
 
 @_jit
-def control(characters, velocity, yaw, turn_rate, settings, obstacles, times, slots, trajectory):
+def control(characters, velocity, yaw, turn_rate, ended, settings, obstacles, times, slots, trajectory):
     """Take commands in, decide who searches, and predict the trajectory at future times.
 
-    velocity [N, 2], yaw [N], turn_rate [N] (see `mm.control.Command`); times [F] ascending seconds and their
-    slots [F] in trajectory [N, K, 3] (x, z, yaw in the world), which is written.
+    velocity [N, 2], yaw [N], turn_rate [N] (see `mm.control.Command`); ended [N], whose data ends here; times [F]
+    ascending seconds and their slots [F] in trajectory [N, K, 3] (x, z, yaw in the world), which is written.
     """
     s = settings[0]
     dt = s.dt
@@ -81,7 +81,7 @@ def control(characters, velocity, yaw, turn_rate, settings, obstacles, times, sl
         # Half a frame of tolerance: timers count whole frames, whatever the rounding.
         c.forced = settled and c.until_forced < dt / 2
         c.until_forced = s.search_interval if c.forced else c.until_forced - dt
-        c.searching = c.forced or c.until_search < dt / 2
+        c.searching = c.forced or ended[i] or c.until_search < dt / 2
         c.until_search = (s.search_interval if c.searching else c.until_search) - dt
         c.velocity_change, c.yaw_change = velocity_change, yaw_change
         c.desired_velocity[0], c.desired_velocity[1] = velocity[i, 0], velocity[i, 1]

@@ -38,7 +38,7 @@ def _chase(x, v, a, yaw, yaw_rate, desired, desired_yaw, s, dt):
     return x, v, a, desired_yaw + offset, yaw_rate
 
 
-def control(characters, velocity, yaw, turn_rate, settings, obstacles, times, slots, trajectory):
+def control(characters, velocity, yaw, turn_rate, ended, settings, obstacles, times, slots, trajectory):
     """See `mm.kernels.control`."""
     s, c = settings[0], characters
     dt, limit = s["dt"], s["forced_search_rate"]
@@ -49,7 +49,7 @@ def control(characters, velocity, yaw, turn_rate, settings, obstacles, times, sl
     )
     c["forced"] = settled & (c["until_forced"] < dt / 2)
     c["until_forced"] = np.where(c["forced"], s["search_interval"], c["until_forced"] - dt)
-    c["searching"] = c["forced"] | (c["until_search"] < dt / 2)
+    c["searching"] = c["forced"] | ended | (c["until_search"] < dt / 2)
     c["until_search"] = np.where(c["searching"], s["search_interval"], c["until_search"]) - dt
     c["velocity_change"], c["yaw_change"] = velocity_change, yaw_change
     c["desired_velocity"], c["desired_yaw"] = velocity, yaw

@@ -1,0 +1,261 @@
+"""The controller: the compiled kernels against their twin, N against 1, and what a user sees of a character."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from mm import springs
+from mm.build import build
+from mm.control import Command
+from mm.controller import Controller, box, circle
+from mm.settings import Settings
+
+from motion import kinematics
+from motion.errors import UserError
+from motion.pose import Poses
+
+
+@pytest.fixture(scope="module")
+def database(walker_files):
+    return build([walker_files], jobs=1)
+
+
+def user(frame: int, count: int) -> Command:
+    """Somebody who walks, turns about, faces elsewhere, and stops."""
+    command = Command.still(count)
+    speed = 0.0 if frame < 20 or frame > 260 else 1.2
+    heading = 0.02 * frame if frame < 150 else 2.5 - 0.01 * frame
+    command.velocity[:] = speed * np.array([np.sin(heading), np.cos(heading)])
+    command.yaw[:] = springs.wrap(heading if frame < 200 else heading + 1.5)
+    command.turn_rate[:] = 0.3 if 80 < frame < 120 else 0
+    return command
+
+
+def drive(controller: Controller, frames: int, commands=user) -> list[dict]:
+    records = []
+    for frame in range(frames):
+        controller.step(commands(frame, controller.count))
+        records.append(controller.record())
+    return records
+
+
+def stack(records: list[dict], name: str) -> np.ndarray:
+    return np.stack([record[name] for record in records])
+
+
+def touching(database, records: list[dict]) -> np.ndarray:
+    """World positions [T, N, C, 3] of the joints that touch the ground."""
+    world, _ = kinematics.forward(
+        database.skeleton, stack(records, "positions").astype(float), stack(records, "rotations").astype(float)
+    )
+    return world[:, :, [database.skeleton.roles[role] for role in database.contact_roles]]
+
+
+@pytest.mark.parametrize("synchronization", ["adjust+clamp", "data", "none"])
+@pytest.mark.parametrize("schema", ["lmm27", "o3de59"])
+def test_compiled_kernels_equal_their_numpy_twin(walker_files, database, synchronization, schema):
+    database = database if schema == "lmm27" else build([walker_files], jobs=1, schema=schema)
+    settings = Settings(synchronization=synchronization)
+    obstacles = [box(1.5, 1.0, 1.0, 0.5), circle(-0.5, 3.0, 0.6)]
+    runs = [
+        drive(
+            Controller(
+                database, count=3, index="brute", settings=settings, obstacles=obstacles, compiled=compiled
+            ),
+            200,
+        )
+        for compiled in (True, False)
+    ]
+    for name in ("frame", "searched", "forced", "transition", "locked", "contacts"):
+        np.testing.assert_array_equal(stack(runs[0], name), stack(runs[1], name), err_msg=name)
+    for name in ("positions", "rotations", "simulation_position", "simulation_yaw", "query", "trajectory"):
+        np.testing.assert_allclose(stack(runs[0], name), stack(runs[1], name), atol=1e-4, err_msg=name)
+    assert stack(runs[0], "transition").sum() > 5
+    assert stack(runs[0], "locked").any()
+
+
+def test_many_characters_do_what_one_does(database):
+    """Same commands, same poses: in a crowd of different ones, too."""
+
+    def crowd(frame, count):
+        command = user(frame, count)
+        speed = 1 + 0.1 * np.arange(count, dtype=np.float32)
+        command.velocity *= speed[:, None]
+        return command
+
+    many = drive(Controller(database, count=7), 150, crowd)
+    for who in (0, 6):
+        one = drive(Controller(database), 150, lambda f, n, who=who: pick(crowd(f, 7), who))
+        for name in ("frame", "positions", "rotations", "cost_candidate"):
+            np.testing.assert_array_equal(stack(one, name)[:, 0], stack(many, name)[:, who], err_msg=name)
+
+
+def pick(command: Command, who: int) -> Command:
+    return Command(*(getattr(command, name)[who : who + 1] for name in command.__dataclass_fields__))
+
+
+def test_exact_search_drives_as_brute_force_does(database):
+    a, b = (drive(Controller(database, index=index), 250) for index in ("exact", "brute"))
+    np.testing.assert_allclose(stack(a, "cost_candidate"), stack(b, "cost_candidate"), rtol=1e-5)
+
+
+def test_searches_come_every_interval_and_when_the_command_changed_abruptly(database):
+    def turn_back(frame, count):
+        command = Command.still(count)
+        command.velocity[:, 1] = 1.2 if frame < 51 else -1.2
+        return command
+
+    records = drive(Controller(database, settings=Settings(search_interval=0.2)), 120, turn_back)
+    searched, forced = stack(records, "searched")[:, 0], stack(records, "forced")[:, 0]
+    # The first frame's change from rest is abrupt as well; a search is forced when the change is over.
+    assert np.flatnonzero(forced).tolist() == [1, 52]
+    # Where a clip ended, the search came early, too.
+    early = np.concatenate([[True], np.isin(stack(records, "frame")[:-1, 0], database.stops - 1)]) | forced
+    for before, after in pairwise(np.flatnonzero(searched)):
+        assert after - before == 12 or (after - before < 12 and early[after])
+
+
+def test_a_transition_shows_no_jump(database):
+    """At a jump a joint moves no further than its speed before and after allows, plus the spring's catch-up."""
+    records = drive(Controller(database, settings=Settings(foot_lock=False)), 300)
+    positions, rotations = stack(records, "positions")[:, 0], stack(records, "rotations")[:, 0]
+    positions[:, 0], rotations[:, 0] = 0, (1, 0, 0, 0)
+    world, _ = kinematics.forward(database.skeleton, positions.astype(float), rotations.astype(float))
+    step = np.linalg.norm(np.diff(world, axis=0), axis=-1).max(axis=-1)
+    jumps = stack(records, "transition")[1:, 0]
+    assert jumps.sum() > 5
+    # The clips' own joints move up to so much a frame.
+    own = kinematics.forward(database.skeleton, *(a.astype(float) for a in at_origin(database.poses)))[0]
+    usual = np.linalg.norm(np.diff(own, axis=0), axis=-1).max(axis=-1)
+    inner = np.ones(len(own) - 1, bool)
+    inner[database.stops[:-1] - 1] = False
+    assert step[jumps].max() < 1.5 * usual[inner].max()
+
+
+def at_origin(poses: Poses) -> tuple[np.ndarray, np.ndarray]:
+    positions, rotations = poses.positions.copy(), poses.rotations.copy()
+    positions[:, 0], rotations[:, 0] = 0, (1, 0, 0, 0)
+    return positions, rotations
+
+
+def test_without_jumps_the_root_walks_the_clip(database):
+    """Playing on, in the world, is the clip itself."""
+    settings = Settings(synchronization="none", search_interval=1e6, foot_lock=False)
+    controller = Controller(database, settings=settings)
+    start = int(database.starts[0])
+    controller.reset(database.poses.positions[start : start + 1, 0][:, [0, 2]], yaw_of(database, start))
+    controller.state.index[:] = start
+    controller.characters["until_search"] = 1e6
+    records = drive(controller, 200, lambda frame, count: Command.still(count))
+    expected = database.poses.positions[start + 1 : start + 201, 0]
+    np.testing.assert_array_equal(stack(records, "frame")[:, 0], np.arange(start + 1, start + 201))
+    np.testing.assert_allclose(stack(records, "positions")[:, 0, 0], expected, atol=2e-4)
+
+
+def yaw_of(database, frame: int) -> np.ndarray:
+    rotation = database.poses.rotations[frame, 0]
+    return np.array([2 * np.arctan2(rotation[2], rotation[0])], np.float32)
+
+
+def test_clamp_and_data_synchronization(database):
+    clamped = drive(Controller(database, settings=Settings(synchronization="adjust+clamp")), 300)
+    apart = np.linalg.norm(
+        stack(clamped, "positions")[:, :, 0, ::2] - stack(clamped, "simulation_position"), axis=-1
+    )
+    assert apart.max() <= 0.15 + 1e-5
+    assert apart.max() > 0.01
+    driven = drive(Controller(database, settings=Settings(synchronization="data")), 100)
+    root, object_ = stack(driven, "positions")[:, :, 0, ::2], stack(driven, "simulation_position")
+    np.testing.assert_allclose(root, object_, atol=1e-6)
+
+
+def test_a_locked_foot_stands_still_on_the_ground(database):
+    records = drive(Controller(database), 300)
+    feet, locked = touching(database, records)[:, 0], stack(records, "locked")[:, 0]
+    heights = Controller(database)._legs.heights
+    checked = 0
+    for c in range(locked.shape[1]):
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], locked[:, c], [0]])))
+        for start, stop in edges.reshape(-1, 2):
+            held = feet[start + 18 : stop, c]
+            if len(held) > 2:
+                checked += 1
+                np.testing.assert_allclose(held[:, 1], heights[c], atol=4e-3)
+                assert np.ptp(held, axis=0).max() < 6e-3
+    assert checked >= 3
+    free = drive(Controller(database, settings=Settings(foot_lock=False)), 300)
+    slide = [np.linalg.norm(np.diff(touching(database, r)[:, 0][..., [0, 2]], axis=0), axis=-1) for r in (records, free)]
+    contact = stack(records, "locked")[1:, 0]
+    assert slide[0][contact].mean() < 0.6 * slide[1][contact].mean()
+
+
+def test_obstacles_are_not_entered(database):
+    def straight(frame, count):
+        command = Command.still(count)
+        command.velocity[:] = (0.05, 1.2)
+        return command
+
+    settings = Settings(body_radius=0.3)
+    records = drive(Controller(database, obstacles=[circle(0, 2, 0.5)], settings=settings), 300, straight)
+    place = stack(records, "simulation_position")[:, 0]
+    assert np.linalg.norm(place - (0, 2), axis=-1).min() > 0.8 - 1e-4
+    assert place[-1, 1] > 3
+
+
+def test_tags_limit_the_search(database):
+    tags = np.zeros(len(database), np.uint32)
+    wanted = [i for i, name in enumerate(database.names) if name == "straight"]
+    for i in wanted:
+        tags[database.starts[i] : database.stops[i]] = 1
+    database = type(database)(**(vars(database) | {"tags": tags, "tag_names": ("straight",)}))
+
+    def only_straight(frame, count):
+        command = user(frame, count)
+        command.required_tags[:] = database.tag_mask(["straight"])
+        return command
+
+    records = drive(Controller(database), 150, only_straight)
+    ranges = database.ranges()[stack(records, "frame")[:, 0]]
+    moved = np.flatnonzero(stack(records, "transition")[:, 0])[0]
+    assert set(ranges[moved:]) <= set(wanted)
+    with pytest.raises(UserError, match="no tag 'dance'.*straight"):
+        database.tag_mask(["dance"])
+
+
+def test_a_continuing_bias_jumps_less_often(database):
+    plain, biased = (
+        stack(drive(Controller(database, settings=Settings(continuing_bias=b)), 300), "transition").sum()
+        for b in (0.0, 0.5)
+    )
+    assert 0 < biased < plain
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"search_interval": -1}, "search_interval"),
+        ({"continuing_bias": 1.0}, "continuing_bias"),
+        ({"velocity_halflife": float("nan")}, "velocity_halflife"),
+        ({"synchronization": "magnet"}, "adjust, clamp"),
+    ],
+)
+def test_settings_out_of_range_are_named(change, message):
+    with pytest.raises(UserError, match=message):
+        Settings(**change)
+
+
+def test_foot_locking_without_legs_is_refused_with_the_remedy(database):
+    skeleton = database.skeleton.with_roles(
+        {role: j for role, j in database.skeleton.roles.items() if role != "left_leg"}
+    )
+    legless = type(database)(**(vars(database) | {"skeleton": skeleton}))
+    with pytest.raises(UserError, match="turn foot locking off"):
+        Controller(legless)
+    Controller(legless, settings=Settings(foot_lock=False))
+
+
+def test_no_characters_are_refused(database):
+    with pytest.raises(UserError, match="0 characters"):
+        Controller(database, count=0)
