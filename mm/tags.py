@@ -1,0 +1,132 @@
+"""Tags: names given to frames by a file, as bits that a search can ask for or avoid."""
+
+from __future__ import annotations
+
+import csv
+import fnmatch
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motion import config
+from motion.errors import UserError
+
+LIMIT = 32  # bits of a mask
+_EXAMPLE = "a line such as run,run*,, or turn,walk_07,120,240 under the header tag,clips,start,stop"
+
+
+@dataclass(frozen=True)
+class Rule:
+    """Gives a tag to the clips whose name matches a shell pattern, or to some of their frames.
+
+    Attributes
+    ----------
+    tag : the tag's name.
+    clips : pattern of clip names, such as ``run*``; ``*`` and ``?`` stand for any letters.
+    start, stop : first frame and one past the last, in the clip's frames as read; stop None: its end.
+    """
+
+    tag: str
+    clips: str
+    start: int = 0
+    stop: int | None = None
+
+    def __post_init__(self) -> None:
+        config.validate(self)
+        if not self.tag:
+            raise config.ConfigError("tag", "a tag needs a name")
+        if self.start < 0 or (self.stop is not None and self.stop <= self.start):
+            raise config.ConfigError("stop", f"frames {self.start} to {self.stop} are none")
+
+
+@dataclass(frozen=True)
+class _File:
+    tags: tuple[Rule, ...]
+
+
+def load(path: str | os.PathLike[str]) -> tuple[Rule, ...]:
+    """Rules of a file: CSV with the header ``tag,clips,start,stop``, or TOML with tables ``[[tags]]``.
+
+    A missing or malformed file or an unknown key is a UserError.
+    """
+    rules = _load_csv(Path(path)) if str(path).lower().endswith(".csv") else config.load(_File, path).tags
+    if not rules:
+        raise UserError("no tags in this file", path=path, remedy=_EXAMPLE)
+    return rules
+
+
+def names(rules: Sequence[Rule]) -> tuple[str, ...]:
+    """The tags in the order of their first rule."""
+    return tuple(dict.fromkeys(rule.tag for rule in rules))
+
+
+def _load_csv(path: Path) -> tuple[Rule, ...]:
+    try:
+        text = path.read_text("utf-8-sig")
+    except OSError as error:
+        raise UserError(f"cannot read: {error.strerror}", path=path) from error
+    except UnicodeDecodeError as error:
+        raise UserError("not a text file", path=path, remedy=_EXAMPLE) from error
+    reader = csv.DictReader(text.splitlines(), skipinitialspace=True)
+    header = [key.strip() for key in reader.fieldnames or ()]
+    if not {"tag", "clips"} <= set(header) or set(header) - {"tag", "clips", "start", "stop"}:
+        raise UserError(f"header {','.join(header)!r}", path=path, line=1, remedy=f"write {_EXAMPLE}")
+    reader.fieldnames = header
+    rules = []
+    for row in reader:
+        try:
+            start, stop = (row.get("start") or "").strip(), (row.get("stop") or "").strip()
+            rules.append(
+                Rule(
+                    row["tag"].strip(),
+                    (row["clips"] or "").strip(),
+                    int(start) if start else 0,
+                    int(stop) if stop else None,
+                )
+            )
+        except (ValueError, config.ConfigError, AttributeError) as error:
+            what = f"not a tag: {error}"
+            raise UserError(what, path=path, line=reader.line_num, remedy=f"write {_EXAMPLE}") from error
+    return tuple(rules)
+
+
+def check(rules: Sequence[Rule], clips: Sequence[str], path: str | os.PathLike[str] | None = None) -> None:
+    """More than 32 tags, or a rule that matches no clip (it would silently tag nothing), is a UserError."""
+    if len(names(rules)) > LIMIT:
+        what = f"{len(names(rules))} different tags, at most {LIMIT} fit"
+        raise UserError(what, path=path, remedy="name fewer tags")
+    for rule in rules:
+        if not any(_matches(rule, clip) for clip in clips):
+            some = ", ".join(clips[:5]) + ", ..." * (len(clips) > 5)
+            what = f"tag {rule.tag!r}: no clip is named like {rule.clips!r}"
+            raise UserError(what, path=path, remedy=f"the clips are {some}")
+
+
+def mark(
+    rules: Sequence[Rule], clip: str, length: tuple[int, float], frames: int, fps: float
+) -> NDArray[np.uint32]:
+    """Tag bits [frames] of a clip at fps, whose length was (frames, fps) as read.
+
+    A rule's frames beyond the clip's end are a UserError.
+    """
+    order = names(rules)
+    bits = np.zeros(frames, np.uint32)
+    count, rate = length
+    for rule in rules:
+        if not _matches(rule, clip):
+            continue
+        stop = count if rule.stop is None else rule.stop
+        if max(rule.start + 1, stop) > count:
+            what = f"tag {rule.tag!r}: frames {rule.start} to {stop} of clip {clip!r}, which has {count}"
+            raise UserError(what, remedy="correct the tags file")
+        last = frames if stop == count else round(stop * fps / rate)
+        bits[round(rule.start * fps / rate) : last] |= np.uint32(1 << order.index(rule.tag))
+    return bits
+
+
+def _matches(rule: Rule, clip: str) -> bool:
+    return fnmatch.fnmatchcase(clip, rule.clips)
