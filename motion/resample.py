@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from . import kinematics_kernels as kernels
 from .clip import Clip
@@ -85,10 +85,49 @@ def _interpolate(
     moving = np.flatnonzero((values != values[0]).any(axis=(0, 2)))
     if len(moving) == 0:
         return out
+    known = values[:, moving].reshape(len(values), -1)
+    curvature = np.zeros_like(known)
     if method == "cubic":
-        out[:, moving] = CubicSpline(np.arange(len(values)), values[:, moving])(times)
-        return out
-    before, share = _split(times)
-    a, b = values[before][:, moving], values[np.minimum(before + 1, len(values) - 1)][:, moving]
-    out[:, moving] = a + share[:, None, None] * (b - a)
+        _curvature(known, curvature)
+    found = np.empty((len(times), known.shape[1]))
+    _evaluate(known, curvature, *_split(times), found)
+    out[:, moving] = found.reshape(len(times), len(moving), -1)
     return out
+
+
+@numba.njit(cache=True, nogil=True)
+def _curvature(y, m):
+    """Second derivatives m [T, C] at the knots of the cubic spline through y [T, C], one frame apart.
+
+    "Not-a-knot" ends, as ``scipy.interpolate.CubicSpline`` has them: m_0 - 2 m_1 + m_2 = 0 turns the first of
+    m_{i-1} + 4 m_i + m_{i+1} = 6 d_i, d the second differences, into m_1 = d_1. Solved by elimination.
+    """
+    n = len(y)
+    if n < 3:
+        m[:] = 0
+        return
+    upper = np.zeros(n)
+    for i in range(1, n - 1):
+        inner = 1 < i < n - 2
+        pivot = 4 - upper[i - 1] if inner else 1.0
+        upper[i] = 1 / pivot if inner else 0.0
+        for c in range(y.shape[1]):
+            d = y[i + 1, c] - 2 * y[i, c] + y[i - 1, c]
+            m[i, c] = (6 * d - m[i - 1, c]) / pivot if inner else d
+    for i in range(n - 3, 0, -1):
+        for c in range(y.shape[1]):
+            m[i, c] -= upper[i] * m[i + 1, c]
+    for c in range(y.shape[1]):
+        m[0, c] = 2 * m[1, c] - m[2, c] if n > 3 else m[1, c]
+        m[n - 1, c] = 2 * m[n - 2, c] - m[n - 3, c] if n > 3 else m[1, c]
+
+
+@numba.njit(cache=True, nogil=True)
+def _evaluate(y, m, before, share, out):
+    """The spline with values y and second derivatives m at frames before [K] + share [K], into out [K, C]."""
+    for k in range(len(before)):
+        i, s = before[k], share[k]
+        j, r = min(i + 1, len(y) - 1), 1 - s
+        for c in range(y.shape[1]):
+            bend = (r * r * r - r) * m[i, c] + (s * s * s - s) * m[j, c]
+            out[k, c] = r * y[i, c] + s * y[j, c] + bend / 6
