@@ -13,11 +13,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from . import digits, files, quat, text, units
+from . import digits, euler, files, quat, text, units
 from .clip import Clip
 from .errors import UserError
 from .skeleton import Skeleton, sort_topologically
@@ -358,35 +357,6 @@ def _rows(
     raise UserError(what, path=path, line=line + fault.line, remedy=remedy)
 
 
-@numba.njit(cache=True, nogil=True)
-def _rotations(values, columns, axes, out):
-    """Unrolled quaternions out [T, J, 4] of Euler angles.
-
-    values [T, C] in degrees; columns and axes [J, 3] of each joint's angles, -1 where it has fewer.
-    """
-    to_half = math.pi / 360
-    for t in range(len(values)):
-        for j in range(len(columns)):
-            w, x, y, z = 1.0, 0.0, 0.0, 0.0
-            for k in range(3):
-                if columns[j, k] < 0:
-                    break
-                half = values[t, columns[j, k]] * to_half
-                c, s = math.cos(half), math.sin(half)
-                if axes[j, k] == 0:
-                    w, x, y, z = w * c - x * s, x * c + w * s, y * c + z * s, z * c - y * s
-                elif axes[j, k] == 1:
-                    w, x, y, z = w * c - y * s, x * c - z * s, y * c + w * s, z * c + x * s
-                else:
-                    w, x, y, z = w * c - z * s, x * c + y * s, y * c - x * s, z * c + w * s
-            sign = 1.0
-            if t > 0:
-                p = out[t - 1, j]
-                if p[0] * w + p[1] * x + p[2] * y + p[3] * z < 0:
-                    sign = -1.0
-            out[t, j, 0], out[t, j, 1], out[t, j, 2], out[t, j, 3] = sign * w, sign * x, sign * y, sign * z
-
-
 def to_clip(document: BvhDocument, *, name: str, unit_to_m: float = 1.0, source: Path | None = None) -> Clip:
     """The clip of a document: lengths times unit_to_m, degrees to unrolled quaternions.
 
@@ -406,8 +376,7 @@ def to_clip(document: BvhDocument, *, name: str, unit_to_m: float = 1.0, source:
                 columns[j, turns], axes[j, turns] = column, axis
                 turns += 1
             column += 1
-    rotations = np.empty((frames, joints, 4))
-    _rotations(document.values, columns, axes, rotations)
+    rotations = euler.unrolled(document.values, columns, axes)
     ends = {j: sites[0] for j, sites in enumerate(document.end_sites) if sites}
     skeleton = Skeleton(_distinct(document.names), document.parents, document.offsets, end_sites=ends)
     clip = Clip(name, skeleton, document.fps, positions, rotations, source=source)

@@ -1,0 +1,101 @@
+"""Where motion comes from: any supported file as a clip, and the files that a list of sources names."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from . import asfamc, bvh, kinematics, units
+from . import roles as role_guess
+from .clip import Clip
+from .errors import UserError
+
+
+@dataclass(frozen=True)
+class Format:
+    """How to read a format; knows_unit says whether clips come in metres or in the file's unknown unit."""
+
+    read: Callable[[Path], Clip]
+    knows_unit: bool
+
+
+FORMATS: dict[str, Format] = {
+    ".bvh": Format(bvh.read, knows_unit=False),
+    ".amc": Format(asfamc.read, knows_unit=True),
+}
+
+
+def _choices() -> str:
+    return f"the formats are {', '.join(sorted(FORMATS))}"
+
+
+def load(
+    path: str | os.PathLike[str],
+    *,
+    fps: float | None = None,
+    unit_to_m: float | None = None,
+    roles: Mapping[str, int] | None = None,
+) -> Clip:
+    """Read a motion file of any supported format: in metres, roles set, rotations unrolled.
+
+    fps replaces the file's frame rate, unit_to_m the unit found, roles the roles guessed.
+    """
+    path = Path(path)
+    form = FORMATS.get(path.suffix.lower())
+    if form is None:
+        raise UserError("not a motion file", path=path, remedy=_choices())
+    for name, value in (("fps", fps), ("unit_to_m", unit_to_m)):
+        if value is not None and not 0 < value < math.inf:
+            raise UserError(f"{name} is {value}", path=path, remedy="give a positive number")
+    clip = form.read(path)
+    middle = len(clip) // 2
+    if roles is None:
+        pose, _ = kinematics.forward(clip.skeleton, clip.positions[middle], clip.rotations[middle])
+        roles = role_guess.guess(clip.skeleton, pose)
+    clip = clip.replace(skeleton=clip.skeleton.with_roles(roles))
+    if fps is not None:
+        clip = clip.replace(fps=float(fps))
+    if unit_to_m is None:
+        # A pose speaks: offsets may be stale where position channels replace them.
+        unit_to_m = clip.unit_to_m if form.knows_unit else units.guess(clip.skeleton, clip.positions[middle])
+    return units.to_metres(clip, unit_to_m)
+
+
+def find(sources: Iterable[str | os.PathLike[str]] | str | os.PathLike[str]) -> list[Path]:
+    """Motion files that sources (files and folders, searched to any depth) name, sorted, each once.
+
+    A missing path, a folder without clips, or a file of another format is a UserError. Hidden files and
+    folders inside a source are passed over.
+    """
+    if isinstance(sources, (str, os.PathLike)):
+        sources = [sources]
+    found: dict[Path, Path] = {}
+    for source in map(Path, sources):
+        if source.is_dir():
+            files = [
+                Path(folder, name)
+                for folder, subfolders, names in os.walk(source)
+                if subfolders.sort() is None
+                for name in names
+                if Path(name).suffix.lower() in FORMATS and not _hidden(Path(folder, name), source)
+            ]
+            if not files:
+                raise UserError("no clips in this folder", path=source, remedy=_choices())
+        elif source.is_file():
+            if source.suffix.lower() not in FORMATS:
+                raise UserError("not a motion file", path=source, remedy=_choices())
+            files = [source]
+        else:
+            raise UserError("no such file or folder", path=source, remedy="check the path")
+        for file in files:
+            found.setdefault(file.resolve(), file)
+    if not found:
+        raise UserError("no sources given", remedy="name motion files or folders")
+    return sorted(found.values())
+
+
+def _hidden(path: Path, source: Path) -> bool:
+    return any(part.startswith(".") for part in path.relative_to(source).parts)
