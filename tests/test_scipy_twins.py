@@ -37,7 +37,8 @@ def test_positions_follow_the_cubic_spline(frames: int, fps: float) -> None:
 
 
 def test_building_imports_no_slow_module() -> None:
-    code = "import sys, mm.build; print(*({'scipy.signal', 'scipy.interpolate', 'scipy.stats'} & set(sys.modules)))"
+    slow = {"scipy.signal", "scipy.interpolate", "scipy.stats"}
+    code = f"import sys, mm.build; print(*({slow} & set(sys.modules)))"
     repository = Path(__file__).resolve().parents[1]
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=repository, capture_output=True, text=True, check=True
