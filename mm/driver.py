@@ -41,7 +41,7 @@ class Driver:
     path : float64 [P, 2] polyline of the way, first point repeated when closed; None for scripts.
     nominal : seconds that the course should take.
     limit : seconds after which it is over in any case: the course's own, or twice nominal and ten more.
-    done : all have arrived, or time is up.
+    done : all have arrived, or the last command was the last within limit.
     """
 
     def __init__(
@@ -91,7 +91,7 @@ class Driver:
         self._time = time
         command, arrived = self._part.command(time, positions, yaws, self._last_yaw)
         self._last_yaw = command.yaw
-        self.done = arrived or time >= self.limit - 0.5 / self.fps
+        self.done = arrived or time >= self.limit - 1.5 / self.fps
         return command
 
 
@@ -226,6 +226,7 @@ class _Script:
         return np.full(self._count, time / self._seconds)
 
     def command(self, time: float, positions: NDArray, yaws: NDArray, last: NDArray) -> tuple[Command, bool]:
+        time = min(time, self.nominal - 1e-6)  # whoever asks later gets what was asked last
         clock = (time + self._offsets) % self._seconds
         key = np.searchsorted(self._times, clock + 1e-9, side="right") - 1
         since = clock - self._times[key]
