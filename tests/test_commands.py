@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from mm.commands import from_stick, from_velocity
 from mm.speeds import Speeds
 

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 import pytest
+
 from mm import course as courses
 from mm.course import Course, RandomUser, StickKey, VelocityKey, Waypoint
-
 from motion import config
 from motion.errors import UserError
 
@@ -183,7 +183,7 @@ def test_a_random_user_is_the_same_for_the_same_seed_and_no_one_elses():
 def test_a_random_user_keeps_to_its_shares():
     keys = RandomUser(stop=0.25, run=0.5, strafe=0.1, hold=(0.5, 1.5)).keys(4000)
     gaps = np.diff([k.time for k in keys])
-    assert 0.5 <= gaps.min() and gaps.max() <= 1.5 and gaps.mean() == pytest.approx(1, abs=0.05)
+    assert gaps.min() >= 0.5 and gaps.max() <= 1.5 and gaps.mean() == pytest.approx(1, abs=0.05)
     assert np.mean([k.move == (0, 0) for k in keys]) == pytest.approx(0.25, abs=0.04)
     assert np.mean([k.gait == "run" for k in keys]) == pytest.approx(0.5, abs=0.04)
     assert np.mean([k.strafe for k in keys]) == pytest.approx(0.1, abs=0.04)

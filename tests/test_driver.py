@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from mm import course as courses
 from mm import springs
 from mm.course import Course, StickKey, VelocityKey, Waypoint

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from mm.polyline import Polyline, spline
 
 CORNER = [(0, 0), (0, 3), (4, 3)]

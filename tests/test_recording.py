@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from mm import course as courses
 from mm.control import Command
 from mm.course import Course, VelocityKey, Waypoint
 from mm.driver import Driver
 from mm.recording import Recording, record
-
 from motion import quat
 from motion.errors import UserError
 from motion.pose import Poses
@@ -49,7 +49,10 @@ class Point:
 
 class TimedPoint(Point):
     timed = True
-    settings = {"speed": 1.0}
+
+    @property
+    def settings(self) -> dict[str, float]:
+        return {"speed": 1.0}
 
     @property
     def stage_seconds(self) -> dict[str, float]:

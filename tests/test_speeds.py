@@ -6,9 +6,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+
 from mm import speeds
 from mm.speeds import Speeds
-
 from motion.errors import UserError
 from motion.pose import Poses
 from motion.skeleton import Skeleton
