@@ -177,11 +177,11 @@ def skate_and_path(summary: pd.DataFrame) -> Any:
     return picture
 
 
-def groups(traces: Sequence[Trace]) -> list[list[Trace]]:
-    """Traces of one course, those that did the very same thing together."""
+def groups(traces: Sequence[Trace], *, poses: bool = True) -> list[list[Trace]]:
+    """Traces of one course, those that did the very same together (see `Trace.same`)."""
     out: list[list[Trace]] = []
     for trace in traces:
-        same = next((group for group in out if group[0].same_walk(trace)), None)
+        same = next((group for group in out if group[0].same(trace, poses=poses)), None)
         if same is None:
             out.append([trace])
         else:

@@ -82,9 +82,12 @@ class Trace:
     yaws: Array
     low: NDArray[np.bool_]
 
-    def same_walk(self, other: Trace) -> bool:
-        """Whether two systems did the very same thing."""
-        return self.course == other.course and np.array_equal(self.walked, other.walked)
+    def same(self, other: Trace, *, poses: bool = True) -> bool:
+        """Whether two systems did the very same: the way they went, and also their poses."""
+        names = ("walked", "poses", "skate") if poses else ("walked",)
+        return self.course == other.course and all(
+            np.array_equal(getattr(self, name), getattr(other, name)) for name in names
+        )
 
 
 def judge(

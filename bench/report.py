@@ -165,10 +165,11 @@ def _section(comparison: Comparison, course: Any) -> dict[str, Any]:
     traces = [t for t in comparison.traces if t.course == course.name]
     rows = comparison.courses[comparison.courses["course"] == course.name]
     groups = plots.groups(traces)
-    labels = [plots.label(group) for group in groups]
-    firsts = [group[0] for group in groups]
     with plots.style(course.name):
-        pictures = [plots.svg(plots.paths(firsts, labels)), plots.svg(plots.over_time(firsts, labels))]
+        pictures = [
+            plots.svg(draw([group[0] for group in same], [plots.label(group) for group in same]))
+            for draw, same in ((plots.paths, plots.groups(traces, poses=False)), (plots.over_time, groups))
+        ]
     return {
         "name": course.name,
         "description": course.description,

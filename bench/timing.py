@@ -84,15 +84,20 @@ class Cost:
         )
 
 
-def frame_cost(system: Any, course: Any, frames: int, *, warm: int = 30, repeats: int = 3) -> Cost:
-    """Drive a system over a course, timing whole steps, then again, timing stages (where it tells them)."""
+def frame_cost(
+    system: Any, course: Any, frames: int, *, warm: int = 30, repeats: int = 3, spread: bool = False
+) -> Cost:
+    """Drive a system over a course, timing whole steps, then again, timing stages (where it tells them).
+
+    spread: characters start at different places or times of the course.
+    """
     with single_thread():
-        whole = np.min([_drive(system, course, frames, warm)[0] for _ in range(repeats)], axis=0)
+        whole = np.min([_drive(system, course, frames, warm, spread)[0] for _ in range(repeats)], axis=0)
         if not hasattr(system, "timed"):
             return Cost(whole, {}, np.zeros(frames, bool))
         system.timed = True
         try:
-            runs = [_drive(system, course, frames, warm) for _ in range(repeats)]
+            runs = [_drive(system, course, frames, warm, spread) for _ in range(repeats)]
         finally:
             system.timed = False
     stages = {name: np.min([stages[name] for _, stages, _ in runs], axis=0) for name in runs[0][1]}
@@ -100,14 +105,14 @@ def frame_cost(system: Any, course: Any, frames: int, *, warm: int = 30, repeats
 
 
 def _drive(
-    system: Any, course: Any, frames: int, warm: int
+    system: Any, course: Any, frames: int, warm: int, spread: bool
 ) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]], NDArray[np.bool_]]:
     """Seconds [frames] of each step, of each stage, and which frames searched."""
-    for _ in _steps(system, course, warm):
+    for _ in _steps(system, course, warm, spread):
         pass
     timed = getattr(system, "timed", False)
     whole, searched, rows = np.zeros(frames), np.zeros(frames, bool), []
-    for t, seconds in enumerate(_steps(system, course, frames)):
+    for t, seconds in enumerate(_steps(system, course, frames, spread)):
         whole[t] = seconds
         if timed:
             rows.append(dict(system.stage_seconds))
@@ -116,12 +121,12 @@ def _drive(
     return whole, {name: np.array([row.get(name, 0.0) for row in rows]) for name in names}, searched
 
 
-def _steps(system: Any, course: Any, frames: int) -> Iterator[float]:
+def _steps(system: Any, course: Any, frames: int, spread: bool) -> Iterator[float]:
     """Drive a system from a course's start, and say how long each step took."""
     from mm.driver import Driver
     from motion import quat
 
-    driver = Driver(course, system.count, system.fps)
+    driver = Driver(course, system.count, system.fps, spread=spread)
     system.reset(driver.starts, driver.yaws)
     positions, yaws = driver.starts, driver.yaws
     for t in range(frames):

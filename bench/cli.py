@@ -1,0 +1,241 @@
+"""``python -m bench``: compare systems, search indexes, crowds, readers and builds on real data."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from motion import console
+from motion.errors import UserError
+
+if TYPE_CHECKING:
+    from mm.database import Database
+
+CLIPS = (".bvh", ".amc", ".asf")
+
+
+@console.group("bench", "Numbers to trust: memory, cost per frame, motion quality, search, crowds, reading.")
+def main() -> None:
+    pass
+
+
+class Listed(click.ParamType):
+    """Comma-separated values."""
+
+    name = "list"
+
+    def __init__(self, kind: type = str) -> None:
+        self.kind = kind
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple:
+        if isinstance(value, tuple):
+            return value
+        try:
+            found = tuple(self.kind(part.strip()) for part in value.split(",") if part.strip())
+        except ValueError:
+            self.fail(f"{value!r} is not a list of numbers, as 1,16,256 is", param, ctx)
+        if not found:
+            self.fail("an empty list", param, ctx)
+        return found
+
+
+def _build_options(command: Any) -> Any:
+    """The options of a database build, on every command that may have to build one."""
+    for option in reversed(
+        (
+            click.option("--fps", type=float, default=60.0, show_default=True, help="Frames per second."),
+            click.option(
+                "--schema", default="lmm27", show_default=True, metavar="NAME|FILE", help="Features."
+            ),
+            click.option(
+                "--skeleton", type=click.Path(), metavar="FILE", help="Only clips of this skeleton."
+            ),
+            click.option(
+                "--roles-only", is_flag=True, help="Only the schema's joints; skeletons may differ."
+            ),
+            click.option("--mirror/--no-mirror", default=True, show_default=True, help="Mirrored copies."),
+            click.option("--jobs", type=click.IntRange(1), help="Threads.  [default: one a core]"),
+            click.option("--skip-bad", is_flag=True, help="Leave unusable clips out."),
+        )
+    ):
+        command = option(command)
+    return command
+
+
+@main.command(
+    epilog="Example: python -m bench compare clips/ --courses thesis,circle --indexes exact -o report"
+)
+@click.argument("sources", nargs=-1, required=True, type=click.Path())
+@click.option(
+    "--courses", type=Listed(), metavar="A,B", help="Names or TOML files.  [default: seven of them]"
+)
+@click.option("--systems", type=Listed(), metavar="A,B", help="Names, families or patterns: mm, mm-*-free.")
+@click.option(
+    "--indexes", type=Listed(), metavar="A,B", help="Search indexes of motion matching.  [default: all]"
+)
+@click.option("--seconds", type=float, default=60.0, show_default=True, help="Of each course, at most.")
+@click.option("--seed", type=click.IntRange(0), help="Of the random user.  [default: the course's own]")
+@click.option(
+    "--scale/--no-scale", default=True, show_default=True, help="Bring course speeds to the data's."
+)
+@click.option("-o", "--output", type=click.Path(), metavar="DIR", help="Write tables and report there.")
+@_build_options
+@console.json_option
+def compare(
+    sources: tuple[str, ...],
+    courses: tuple[str, ...] | None,
+    systems: tuple[str, ...] | None,
+    indexes: tuple[str, ...] | None,
+    seconds: float,
+    seed: int | None,
+    scale: bool,
+    output: str | None,
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """Memory, cost per frame and motion quality of every system over every course.
+
+    SOURCES are clips and folders, or one database. With -o the folder gets summary.csv, summary.json,
+    courses.csv and report.html, and the database where one was built.
+    """
+    from mm import course as known_courses
+
+    from . import compare as comparing
+    from . import report
+    from . import systems as registry
+
+    folder = None if output is None else Path(output)
+    if folder is not None and folder.exists() and not folder.is_dir():
+        raise UserError("cannot write: it is a file", path=folder, remedy="name a folder")
+    # Faults in what was asked for come before the work, not after it.
+    registry.choose(systems, indexes=indexes)
+    loaded = [known_courses.load(name) for name in courses or comparing.COURSES]
+    database, name = open_database(sources, folder and folder / "database.mmdb", options)
+    result = comparing.compare(
+        database,
+        courses=loaded,
+        systems=systems,
+        indexes=indexes,
+        seconds=seconds,
+        seed=seed,
+        scale=scale,
+        name=name,
+        progress=True,
+    )
+    command = shlex.join(["python", "-m", "bench", *sys.argv[1:]])
+    if as_json:
+        console.print_json(report.to_json(result, command=command))
+    else:
+        console.print_table(report.brief(result.summary), title=f"{name}: means over {len(loaded)} courses")
+        for note in result.notes:
+            print(f"note: {note}")
+    if folder is not None:
+        for path in report.save(result, folder, command=command):
+            print(f"wrote {path}", file=sys.stderr)
+
+
+@main.command(epilog="Example: python -m bench search walk.mmdb --indexes exact,aabb --json")
+@click.argument("db", type=click.Path())
+@click.option("--queries", type=click.IntRange(1), default=1000, show_default=True, help="How many at least.")
+@click.option("--indexes", type=Listed(), metavar="A,B", help="Which indexes.  [default: all]")
+@click.option("--k", type=click.IntRange(1), default=1, show_default=True, help="Answers per query.")
+@click.option("--repeats", type=click.IntRange(1), default=3, show_default=True, help="Timed passes.")
+@console.json_option
+def search(
+    db: str, queries: int, indexes: tuple[str, ...] | None, k: int, repeats: int, as_json: bool
+) -> None:
+    """Recall, cost and time of the search indexes.
+
+    The queries are those that a controller makes on this database while a random user drives it, with the
+    bound and the exclusions that it gives them.
+    """
+    from . import queries as recorded
+
+    rows = recorded.table(_load(db), count=queries, indexes=indexes, k=k, repeats=repeats)
+    if as_json:
+        console.print_json(rows)
+    else:
+        console.print_table(rows, title=f"{db}: {queries} queries of a driven controller")
+
+
+@main.command(epilog="Example: python -m bench crowd walk.mmdb --counts 1,256,1024")
+@click.argument("db", type=click.Path())
+@click.option("--counts", type=Listed(int), default="1,16,256,1024", show_default=True, help="Characters.")
+@click.option("--index", default="exact", show_default=True, help="Search index.")
+@click.option("--seconds", type=float, default=5.0, show_default=True, help="Of each run.")
+@console.json_option
+def crowd(db: str, counts: tuple[int, ...], index: str, seconds: float, as_json: bool) -> None:
+    """Microseconds a character and frame by number of characters, with and without search, by stage."""
+    from . import crowd as crowds
+
+    rows = crowds.measure(_load(db), counts=counts, index=index, seconds=seconds, progress=True)
+    if as_json:
+        console.print_json(rows)
+    else:
+        console.print_table(rows, title=f"{db}: microseconds a character and frame, one thread")
+
+
+@main.command(epilog="Example: python -m bench reading clips/")
+@click.argument("files", nargs=-1, required=True, type=click.Path())
+@click.option(
+    "--repeats", type=click.IntRange(1), default=3, show_default=True, help="Passes over the files."
+)
+@console.json_option
+def reading(files: tuple[str, ...], repeats: int, as_json: bool) -> None:
+    """MB a second of the BVH reader, beside pybvh's where that is installed."""
+    from . import reading as readers
+
+    rows = readers.measure(files, repeats=repeats)
+    if as_json:
+        console.print_json(rows)
+    else:
+        console.print_table(rows, title="BVH readers on the same files, one thread")
+
+
+@main.command(epilog="Example: python -m bench build clips/ --jobs 2")
+@click.argument("sources", nargs=-1, required=True, type=click.Path())
+@click.option("--repeats", type=click.IntRange(1), default=3, show_default=True, help="Warm builds.")
+@_build_options
+@console.json_option
+def build(sources: tuple[str, ...], repeats: int, as_json: bool, **options: Any) -> None:
+    """How many times faster than real time a database is built, in a new process and in a warm one."""
+    from . import building
+
+    rows = building.measure(sources, repeats=repeats, options=options)
+    if as_json:
+        console.print_json(rows)
+    else:
+        console.print_table(rows, title="Building a database, from files to file")
+
+
+def open_database(
+    sources: tuple[str, ...], output: Path | None, options: dict[str, Any]
+) -> tuple[Database, str]:
+    """The database that sources name, or one built from clips (and kept as output); and what to call it."""
+    from mm import build as building
+
+    names = ", ".join(sources)
+    first = Path(sources[0])
+    if len(sources) == 1 and first.is_file() and first.suffix.lower() not in CLIPS:
+        return _load(sources[0]), names
+    database = building.build(sources, **options, note=_note, progress=console.progress)
+    if output is not None:
+        database.save(output)
+        return _load(str(output)), names
+    return database, names
+
+
+def _load(path: str) -> Database:
+    from mm.database import Database
+
+    if Path(path).is_dir():
+        raise UserError("a folder, expected a database", path=path, remedy="make one with python -m mm build")
+    return Database.load(path)
+
+
+def _note(line: str) -> None:
+    print(f"note: {line}", file=sys.stderr)
