@@ -61,13 +61,19 @@ def rotate(q, v):
 def exp(v):
     """Quaternion of a scaled angle axis."""
     x, y, z = v
-    angle = math.sqrt(x * x + y * y + z * z)
-    if angle < 1e-4:
-        # sin(a/2)/a = 1/2 - a^2/48 + ..., cos(a/2) = 1 - a^2/8 + ...
-        s = 0.5 - angle * angle / 48
-        return 1 - angle * angle / 8, s * x, s * y, s * z
-    s = math.sin(angle / 2) / angle
-    return math.cos(angle / 2), s * x, s * y, s * z
+    h = (x * x + y * y + z * z) / 4
+    if h < 2.5:
+        # Angles up to pi: the series of cos(a/2) and sin(a/2)/a in h = (a/2)^2 end below 1e-13, and need neither
+        # a root nor a branch at zero.
+        c = 1 - h * (1 / 2 - h * (1 / 24 - h * (1 / 720 - h * (1 / 40320 - h * (1 / 3628800 - h * (
+            1 / 479001600 - h * (1 / 87178291200 - h / 20922789888000)))))))  # fmt: skip
+        s = 1 - h * (1 / 6 - h * (1 / 120 - h * (1 / 5040 - h * (1 / 362880 - h * (1 / 39916800 - h * (
+            1 / 6227020800 - h * (1 / 1307674368000 - h / 355687428096000)))))))  # fmt: skip
+        s = s / 2
+    else:
+        half = math.sqrt(h)
+        c, s = math.cos(half), math.sin(half) / (2 * half)
+    return c, s * x, s * y, s * z
 
 
 @numba.njit(inline="always", cache=True)
@@ -91,10 +97,15 @@ def normalize(q):
 
 @numba.njit(inline="always", cache=True)
 def between(u, v):
-    """Shortest rotation from direction u to direction v, neither need be unit; opposite ones: identity axis x."""
+    """Shortest rotation from direction u to direction v, neither need be unit.
+
+    Opposite directions turn by pi about some perpendicular axis.
+    """
     x, y, z = cross(u, v)
     w = math.sqrt(dot(u, u) * dot(v, v)) + dot(u, v)
     length = math.sqrt(w * w + x * x + y * y + z * z)
-    if length < 1e-12:
-        return 0.0, 1.0, 0.0, 0.0
+    if length < 1e-9 * dot(u, u):
+        w = 0.0
+        x, y, z = cross(u, (1.0, 0.0, 0.0)) if abs(u[0]) < abs(u[1]) + abs(u[2]) else cross(u, (0.0, 1.0, 0.0))
+        length = math.sqrt(x * x + y * y + z * z)
     return w / length, x / length, y / length, z / length
