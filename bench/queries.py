@@ -54,7 +54,7 @@ class _Listener:
 
 
 def record(database: Database, count: int = 1000, *, index: str = "exact", course: str = "random") -> Queries:
-    """The first count searches of eight characters spread over a course at the speeds of the data."""
+    """The first count searches of eight characters spread over a course, at the speeds of the data."""
     settings = Settings()
     controller = Controller(database, count=CHARACTERS, settings=settings, index=index)
     controller.stages.projection = listener = _Listener(controller.stages.projection)
