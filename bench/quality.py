@@ -114,6 +114,7 @@ def judge(
     row = {
         "skate_cm_s": metrics.foot_skate(standing, fps, feet.rest),
         "skate_ratio": metrics.skate_ratio(standing, fps, feet.rest),
+        "glide_share": metrics.glide_share(standing, root, fps),
         "path_cm": errors.mean_cm,
         "path_p95_cm": errors.p95_cm,
         "heading_deg": errors.heading_deg,
@@ -169,6 +170,9 @@ def of_data(database: Any, feet: Feet) -> dict[str, float]:
             {
                 "skate_cm_s": metrics.foot_skate(world[:, feet.joints], database.fps, feet.rest),
                 "skate_ratio": metrics.skate_ratio(world[:, feet.joints], database.fps, feet.rest),
+                "glide_share": metrics.glide_share(
+                    world[:, feet.joints], world[:, 0][:, [0, 2]], database.fps
+                ),
                 "jerk_m_s3": metrics.jerk(world, database.fps),
                 "ordinary_pop_cm": float(np.percentile(metrics.pops(local)[2:], 99)),
                 "speed_mps": float(metrics.root_speed(world[:, 0][:, [0, 2]], database.fps).mean()),

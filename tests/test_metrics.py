@@ -74,6 +74,18 @@ def test_skate_ratio_needs_both_frames_low_and_fast():
     assert metrics.skate_ratio(either, FPS) == 1
 
 
+def test_glide_is_travel_without_a_foot_going_back():
+    t = np.arange(121) / FPS
+    root = np.stack([np.zeros(121), 1.2 * t], axis=-1)
+    carried = np.zeros((121, 2, 3))
+    carried[..., 1], carried[..., 2] = 0.3, root[:, None, 1]  # both feet in the air, fixed to the root
+    assert metrics.glide_share(carried, root, FPS) == 1
+    planted = carried.copy()
+    planted[:, 0] = 0  # one foot stays on the ground
+    assert metrics.glide_share(planted, root, FPS) == 0
+    assert metrics.glide_share(carried, 0 * root, FPS) == 0  # standing still is no glide
+
+
 def test_smooth_is_a_centred_average():
     values = np.zeros(21)
     values[10] = 1
@@ -248,4 +260,5 @@ def test_real_clips_skate_little_and_sped_up_ones_more(data, name):
     assert skate < 0.15 * 100 * speed
     faster = feet + 0.1 * (hips - hips[:1])[:, None] * [1, 0, 1]
     assert metrics.foot_skate(faster, clip.fps, rest) > 1.15 * skate
+    assert metrics.glide_share(feet, hips[:, [0, 2]], clip.fps) < 0.02
     assert metrics.skate_ratio(faster, clip.fps, rest) >= metrics.skate_ratio(feet, clip.fps, rest)
