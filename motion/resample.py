@@ -39,9 +39,7 @@ def resample(clip: Clip, fps: float, *, method: str = "cubic") -> Clip:
     before, share = _split(times)
     rotations = np.empty((len(times), *clip.rotations.shape[1:]))
     kernels.slerp_frames(clip.rotations, before, share, rotations)
-    return clip.replace(
-        fps=fps, positions=_interpolate(clip.positions, times, method), rotations=rotations
-    )
+    return clip.replace(fps=fps, positions=_interpolate(clip.positions, times, method), rotations=rotations)
 
 
 def frame_step(rate: float, fps: float) -> float:
@@ -77,9 +75,7 @@ def _split(times: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.fl
     return before, np.where(times - before > 1e-9, times - before, 0.0)
 
 
-def _interpolate(
-    values: NDArray[np.float64], times: NDArray[np.float64], method: str
-) -> NDArray[np.float64]:
+def _interpolate(values: NDArray[np.float64], times: NDArray[np.float64], method: str) -> NDArray[np.float64]:
     """Values [T, J, 3] at instants [K]; joints that never move, nearly all, are only copied."""
     out = np.repeat(values[:1], len(times), axis=0)
     moving = np.flatnonzero((values != values[0]).any(axis=(0, 2)))

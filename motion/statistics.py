@@ -27,7 +27,8 @@ def statistics(clip: Clip) -> dict[str, Any]:
     counted. hip_height_m is the median height of the hips above y = 0.
 
     The hips face along left x up, left being the line between the thighs. Only in ASF/AMC, whose root carries
-    axes by definition, it is the root's +Z. A rest pose inserted as first frame counts in frames and seconds
+    axes by definition, it is the root's +Z, and left_share counts by how level that axis lies (as the data's
+    manifest has it; it matters for bent bodies only). A rest pose inserted as first frame counts in frames and seconds
     only. Numbers that a clip is too short for
     are None. The clip needs the role hips, and up_legs or arms.
     """
@@ -35,13 +36,15 @@ def statistics(clip: Clip) -> dict[str, Any]:
     world, turns = kinematics.forward(clip.skeleton, clip.positions[start:], clip.rotations[start:])
     joint = clip.skeleton.role("hips")
     hips = world[:, joint]
-    if clip.source is not None and clip.source.suffix.lower() == ".amc":
+    by_axis = clip.source is not None and clip.source.suffix.lower() == ".amc"
+    if by_axis:
         forward = quat.rotate(turns[:, joint], np.broadcast_to([0.0, 0.0, 1.0], hips.shape))[:, [0, 2]]
     else:
         left = across(clip.skeleton, world)
         forward = np.stack([-left[:, 2], left[:, 0]], axis=-1)
-    forward = forward / np.maximum(np.linalg.norm(forward, axis=-1, keepdims=True), 1e-12)
-    left = np.stack([forward[:, 1], -forward[:, 0]], axis=-1)
+    level = np.linalg.norm(forward, axis=-1, keepdims=True)
+    forward = forward / np.maximum(level, 1e-12)
+    left = np.stack([forward[:, 1], -forward[:, 0]], axis=-1) * (level if by_axis else 1)
     steps = np.diff(hips[:, [0, 2]], axis=0)
     lengths = np.linalg.norm(steps, axis=-1)
     path = float(lengths.sum())
