@@ -18,6 +18,7 @@ from .schema import Feature, Schema
 
 Array = NDArray[np.floating]
 
+END_SECONDS = 0.2  # over which the speed and turn rate at a clip's end are taken
 CHUNK = 4096  # frames at a time: what they need stays in the cache, and memory bounded
 
 
@@ -26,8 +27,8 @@ def extract(
 ) -> NDArray[np.float32]:
     """Raw features (not normalised), float32 [T, F], columns as `schema.columns`.
 
-    Ranges starts [R], stops [R] (exclusive) cover the T frames one after the other. Trajectory samples beyond
-    a range's end are its end frame's (REFERENCE 2.2), so no feature crosses ranges. A sample time between two
+    Ranges starts [R], stops [R] (exclusive) cover the T frames one after the other. No feature crosses ranges:
+    trajectory samples beyond a range's end are what `Feature.beyond` says. A sample time between two
     frames is interpolated between them, so a schema means the same at any frame rate. Joint velocities are
     the world's in the root's frame, as REFERENCE 2.2's public implementation has them.
 
@@ -95,16 +96,20 @@ class Context:
         """Angular velocity [n, 3] of a joint, rad/s: the world's, expressed in the root's frame."""
         return self._move(self.skeleton.role(role))[1]
 
-    def trajectory_positions(self, times: ArrayLike) -> Array:
+    def trajectory_positions(self, times: ArrayLike, beyond: str = "clamp") -> Array:
         """Ground root (x, z) [n, K, 2] at times [K] seconds from each frame, metres."""
         times = np.atleast_1d(np.asarray(times, np.float64))
-        here = self._samples.positions[self.frames, None]
-        return self._turn(self._samples.at(self._samples.positions, times, self.frames) - here)
+        found = self._samples.at(self._samples.positions, times, self.frames)
+        if beyond == "continue":
+            found = found + self._samples.carried_on(times, self.frames)[0]
+        return self._turn(found - self._samples.positions[self.frames, None])
 
-    def trajectory_directions(self, times: ArrayLike) -> Array:
+    def trajectory_directions(self, times: ArrayLike, beyond: str = "clamp") -> Array:
         """Facing (x, z) [n, K, 2], unit length, of the ground root at times [K] seconds from each frame."""
         times = np.atleast_1d(np.asarray(times, np.float64))
         found = self._samples.at(self._samples.facings, times, self.frames)
+        if beyond == "continue":
+            found = _rotated(found, self._samples.carried_on(times, self.frames)[1])
         length = np.sqrt(np.sum(found * found, axis=-1, keepdims=True))
         return self._turn(found / np.where(length > 0, length, 1))
 
@@ -194,8 +199,53 @@ class _Samples:
         return found
 
 
+    @cached_property
+    def ends(self) -> tuple[Array, Array, Array, Array]:
+        """How ranges begin and end: velocities [T, 2] and turn rates [T] at the first and at the last frame."""
+        steps = np.clip(np.rint(END_SECONDS * self.fps).astype(np.int64), 1, None)
+        rates = []
+        for near, far in (
+            (self.first, np.minimum(self.first + steps, self.last)),
+            (self.last, np.maximum(self.last - steps, self.first)),
+        ):
+            seconds = (far - near) / self.fps
+            seconds = np.where(seconds == 0, np.inf, seconds)
+            (x0, z0), (x1, z1) = self.facings[near].T, self.facings[far].T
+            turned = np.arctan2(x1 * z0 - z1 * x0, x1 * x0 + z1 * z0)
+            chord = (self.positions[far] - self.positions[near]) / seconds[:, None]
+            # On an arc the tangent at the end has turned by half of the turn from the chord.
+            rates.append(_rotated(chord, -turned / 2) / np.sinc(turned / (2 * np.pi))[:, None])
+            rates.append(turned / seconds)
+        return rates[0], rates[1], rates[2], rates[3]
+
+    def carried_on(self, times: NDArray[np.float64], frames: slice) -> tuple[Array, Array]:
+        """Displacement [n, K, 2] and turn [n, K] since a range's end, where times lie beyond it; else 0.
+
+        Speed and turn rate stay: the path is an arc whose velocity turns at w, so over t it moves
+        (sin(wt)/w v_x + (1 - cos(wt))/w v_z, sin(wt)/w v_z - (1 - cos(wt))/w v_x).
+        """
+        at = np.arange(frames.start, frames.stop)[:, None] + times * self.fps
+        before, after = at - self.first[frames, None], at - self.last[frames, None]
+        over = np.where(before < 0, before, np.maximum(after, 0)) / self.fps
+        v0, w0, v1, w1 = (rate[frames, None] for rate in self.ends)
+        early = before < 0
+        velocity, rate = np.where(early[..., None], v0, v1), np.where(early, w0, w1)
+        angle = rate * over
+        along = over * np.sinc(angle / np.pi)
+        aside = over * np.sinc(angle / (2 * np.pi)) * np.sin(angle / 2)
+        x, z = velocity[..., 0], velocity[..., 1]
+        moved = np.stack([along * x + aside * z, along * z - aside * x], axis=-1)
+        return moved.astype(np.float32), angle
+
+
 _IDENTITY = np.array([1, 0, 0, 0], np.float32)
 _AXES = dict(zip("xyz", np.eye(3, dtype=np.float32), strict=True))
+
+
+def _rotated(vectors: Array, angles: Array) -> Array:
+    """Ground vectors (x, z) [..., 2] turned about the vertical by angles [...]."""
+    sin, cos, x, z = np.sin(angles), np.cos(angles), vectors[..., 0], vectors[..., 1]
+    return np.stack([cos * x + sin * z, cos * z - sin * x], axis=-1)
 
 
 def _block(feature: Feature, context: Context) -> Array:
@@ -212,9 +262,9 @@ def _block(feature: Feature, context: Context) -> Array:
         case "heading":
             return _heading(context.rotation(str(feature.role)), feature.axis)
         case "trajectory_position":
-            return context.trajectory_positions(feature.times).reshape(len(context), -1)
+            return context.trajectory_positions(feature.times, feature.beyond).reshape(len(context), -1)
         case "trajectory_direction":
-            return context.trajectory_directions(feature.times).reshape(len(context), -1)
+            return context.trajectory_directions(feature.times, feature.beyond).reshape(len(context), -1)
         case _:
             return _custom(feature, context)
 

@@ -8,7 +8,7 @@ from typing import Any
 from motion.config import choices
 from motion.errors import UserError
 
-from .schema import Feature, Schema
+from .schema import Beyond, Feature, Schema
 
 
 def names() -> tuple[str, ...]:
@@ -24,19 +24,19 @@ def get(name: str) -> Schema:
     return _BUILDERS[name]()
 
 
-def _lmm27() -> Schema:
+def _lmm27(name: str = "lmm27", beyond: Beyond = "clamp") -> Schema:
     """Learned Motion Matching's features (REFERENCE 2.2): 20, 40, 60 frames ahead at 60 Hz."""
     times = (1 / 3, 2 / 3, 1.0)
     return Schema(
-        "lmm27",
+        name,
         (
             Feature("left_foot_position", "position", "left_foot", weight=0.75),
             Feature("right_foot_position", "position", "right_foot", weight=0.75),
             Feature("left_foot_velocity", "velocity", "left_foot"),
             Feature("right_foot_velocity", "velocity", "right_foot"),
             Feature("hips_velocity", "velocity", "hips"),
-            Feature("trajectory_position", "trajectory_position", times=times),
-            Feature("trajectory_direction", "trajectory_direction", times=times, weight=1.5),
+            Feature("trajectory_position", "trajectory_position", times=times, beyond=beyond),
+            Feature("trajectory_direction", "trajectory_direction", times=times, weight=1.5, beyond=beyond),
         ),
     )
 
@@ -80,4 +80,9 @@ def _o3de59() -> Schema:
     )
 
 
-_BUILDERS = {"lmm27": _lmm27, "o3de59": _o3de59}
+def _short27() -> Schema:
+    """The same 27 numbers for collections of short clips: trajectories go on where a clip ends."""
+    return _lmm27("short27", "continue")
+
+
+_BUILDERS = {"lmm27": _lmm27, "short27": _short27, "o3de59": _o3de59}

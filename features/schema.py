@@ -34,6 +34,7 @@ Kind = Literal[
     "custom",
 ]
 Residual = Literal["squared", "absolute", "path"]
+Beyond = Literal["clamp", "continue"]
 Scaler = Literal["standard", "minmax", "none"]
 Axis = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
 
@@ -67,6 +68,8 @@ class Feature:
         for trajectory positions "path": the sum of |d| over the samples and over the steps between them.
     group : features of one group share their scale; by default each feature has its own.
     scaler : "standard", "minmax" or "none" (raw units), see `features.normalise`.
+    beyond : trajectory samples beyond the clip's end: "clamp" to its end frame (REFERENCE 2.2), or "continue" at
+        the speed and turn rate that it ends with, which keeps short clips of steady motion usable.
     axis : the joint's own axis that is its forward, for "heading".
     function : name under which `register` knows a custom feature.
     columns : a custom feature's column names; taken from the registration when left out.
@@ -80,6 +83,7 @@ class Feature:
     residual: Residual = "squared"
     group: str | None = None
     scaler: Scaler = "standard"
+    beyond: Beyond = "clamp"
     axis: Axis = "+z"
     function: str | None = None
     columns: tuple[str, ...] = ()
@@ -105,6 +109,8 @@ class Feature:
         if self.residual == "path" and self.kind != "trajectory_position":
             remedy = choices(("squared", "absolute"))
             raise ConfigError("residual", '"path" is for trajectory_position', remedy=remedy)
+        if self.beyond != "clamp" and self.kind not in TRAJECTORY:
+            raise ConfigError("beyond", f"a {self.kind!r} feature has no beyond")
         if self.axis != "+z" and self.kind != "heading":
             raise ConfigError("axis", f"a {self.kind!r} feature has no axis")
         if self.function is not None and not self.columns:

@@ -130,6 +130,23 @@ def test_heading_follows_the_joint_axis_that_the_schema_names(axis, expected):
     np.testing.assert_allclose(ground(schema, poses), np.tile(expected, (30, 1)), atol=1e-6)
 
 
+def test_continued_trajectories_of_a_circle_stay_on_it_beyond_the_clip():
+    times = (-1.0, 0.5, 1.5)
+    schema = Schema(
+        "on",
+        tuple(
+            Feature(kind, f"trajectory_{kind}", times=times, beyond="continue")
+            for kind in ("position", "direction")
+        ),
+    )
+    raw = ground(schema, circle(60, 1.0))
+    angle = TURN * np.array(times)
+    position = RADIUS * np.stack([1 - np.cos(angle), np.sin(angle)], -1)
+    direction = np.stack([np.sin(angle), np.cos(angle)], -1)
+    expected = np.concatenate([position.ravel(), direction.ravel()])
+    np.testing.assert_allclose(raw, np.broadcast_to(expected, raw.shape), atol=1e-4)
+
+
 def test_samples_stop_at_the_ends_of_their_range():
     times = (-1.0, -0.25, 0.25, 1.0)
     schema = Schema(
