@@ -13,8 +13,8 @@ import numpy as np
 
 from features.schema import Schema
 from motion import contacts as contact_detection
+from motion import leadin, resample, root, sources
 from motion import mirror as mirroring
-from motion import resample, root, sources
 from motion import roles as role_maps
 from motion.clip import Clip
 from motion.errors import UserError
@@ -83,12 +83,21 @@ def build(
     if skeleton is not None and not isinstance(skeleton, Skeleton):
         skeleton = load(Path(skeleton), source_fps, roles).skeleton
 
+    dropped: dict[Path | None, int] = {}
+
     def read(path: Path) -> Clip:
         clip = load(path, source_fps, roles)
+        dropped[clip.source] = leadin.lead_in(clip)
+        clip = leadin.without_lead_in(clip)
         check(clip, schema, fps)
         return clip
 
     clips = _read(read, sources.find(paths), skip_bad, work)
+    led = sum(dropped[clip.source] > 0 for clip in clips)
+    if led:
+        work.note(
+            f"{led} of {len(clips)} clips begin with a rest pose that is no capture; its frames were dropped"
+        )
     target = None
     if not roles_only:
         clips, target = skeletons.agree(clips, skeleton, work.note)
@@ -96,11 +105,11 @@ def build(
     if folder_tags:
         rules = (*rules, *_folder_rules(clips, names))
     tagging.check(rules, names, tags)
-    lengths = [(len(clip), clip.fps) for clip in clips]
+    cuts = [tagging.Cut(clip.fps, dropped[clip.source], len(clip)) for clip in clips]
 
     grounded = _ground(clips, target, fps, work)
     _note_unmatchable(grounded, names, fps, work)
-    bits = [tagging.mark(rules, *clip, fps) for clip in zip(names, lengths, map(len, grounded), strict=True)]
+    bits = [tagging.mark(rules, *clip, fps) for clip in zip(names, cuts, map(len, grounded), strict=True)]
     kept = (*schema.roles(), "left_foot", "right_foot") if roles_only else None
     return _assemble(grounded, names, bits, tagging.names(rules), schema, float(fps), mirror, kept, work)
 

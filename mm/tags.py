@@ -106,25 +106,32 @@ def check(rules: Sequence[Rule], clips: Sequence[str], path: str | os.PathLike[s
             raise UserError(what, path=path, remedy=f"the clips are {some}")
 
 
-def mark(
-    rules: Sequence[Rule], clip: str, length: tuple[int, float], frames: int, fps: float
-) -> NDArray[np.uint32]:
-    """Tag bits [frames] of a clip at fps, whose length was (frames, fps) as read.
+@dataclass(frozen=True)
+class Cut:
+    """What of a file became a clip: its frames per second, the frames dropped before it, and its frames."""
 
-    A rule's frames beyond the clip's end are a UserError.
+    fps: float
+    dropped: int
+    frames: int
+
+
+def mark(rules: Sequence[Rule], clip: str, cut: Cut, frames: int, fps: float) -> NDArray[np.uint32]:
+    """Tag bits [frames] of a clip that is at fps now; cut says what it was as read.
+
+    A rule's frames beyond the end of the file are a UserError.
     """
     order = names(rules)
     bits = np.zeros(frames, np.uint32)
-    count, rate = length
+    end = cut.dropped + cut.frames
     for rule in rules:
         if not _matches(rule, clip):
             continue
-        stop = count if rule.stop is None else rule.stop
-        if max(rule.start + 1, stop) > count:
-            what = f"tag {rule.tag!r}: frames {rule.start} to {stop} of clip {clip!r}, which has {count}"
+        stop = end if rule.stop is None else rule.stop
+        if max(rule.start + 1, stop) > end:
+            what = f"tag {rule.tag!r}: frames {rule.start} to {stop} of clip {clip!r}, which has {end}"
             raise UserError(what, remedy="correct the tags file")
-        last = frames if stop == count else round(stop * fps / rate)
-        bits[round(rule.start * fps / rate) : last] |= np.uint32(1 << order.index(rule.tag))
+        first, last = (max(0, round((at - cut.dropped) * fps / cut.fps)) for at in (rule.start, stop))
+        bits[first : frames if stop == end else last] |= np.uint32(1 << order.index(rule.tag))
     return bits
 
 
