@@ -11,6 +11,8 @@ import click
 
 from motion import console
 
+from .run import courses, run
+
 if TYPE_CHECKING:
     from .database import Database
 
@@ -21,6 +23,9 @@ if TYPE_CHECKING:
 def cli() -> None:
     pass
 
+
+cli.add_command(run)
+cli.add_command(courses)
 
 SCHEMA = click.option(
     "--schema",

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-import numpy as np
 
 from motion import console
 from motion.errors import UserError
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from .recording import Recording
 
 POSITIVE = click.FloatRange(min=0, min_open=True)
+# How many characters of a crowd are kept when no recording is asked for: enough for the summary.
+KEPT = 16
 
 
 @click.command(epilog="Example: python -m mm run walk.mmdb --course thesis -o lap.bvh")
@@ -48,14 +50,19 @@ def run(db: str, output: str | None, tape: str | None, character: int, as_json: 
 
     from .database import Database
 
+    for path in filter(None, (output, tape)):
+        if Path(path).is_dir():
+            raise UserError("cannot write: it is a folder", path=path, remedy="name a file to write")
     if character >= options["count"]:
         raise UserError(f"no character {character}", remedy=f"there are {options['count']}, counted from 0")
-    recording = _drive(Database.load(db), **options)
+    keep = None if tape else max(character + 1, KEPT)
+    recording = _drive(Database.load(db), keep=keep, **options)
     if output:
         bvh.write(output, recording.clip(character), decimals=5)
     if tape:
         recording.save(tape)
     facts = {"database": db, **summarise(recording), "output": output, "recording": tape}
+    facts["characters"] = options["count"]
     if as_json:
         console.print_json(facts)
     else:
@@ -74,6 +81,7 @@ def _drive(
     index: str,
     settings: str | None,
     no_foot_lock: bool,
+    keep: int | None,
     **scaling: Any,
 ) -> Recording:
     from dataclasses import replace
@@ -90,7 +98,7 @@ def _drive(
         chosen = replace(chosen, foot_lock=False)
     course = fitted(library.load(course_name), database, **scaling)
     controller = Controller(database, count=count, settings=chosen, index=index, obstacles=course.obstacles())
-    return record(controller, course, seconds=seconds, spread=spread)
+    return record(controller, course, seconds=seconds, spread=spread, characters=keep)
 
 
 def fitted(
@@ -120,6 +128,8 @@ def summarise(recording: Recording) -> dict[str, Any]:
     Path error: mean distance of the characters to the nearest point of the course's way. Times are of the
     system's step with all characters, the first second left out.
     """
+    import numpy as np
+
     from .polyline import Polyline
 
     positions, _ = recording.roots()
@@ -148,6 +158,7 @@ def summarise(recording: Recording) -> dict[str, Any]:
         if flag in arrays:
             facts[name] = float(arrays[flag].sum() * per_second)
     return facts | {
+        "us_per_frame": 1e6 * float(warm.mean()),
         "us_per_frame_median": 1e6 * float(np.median(warm)),
         "us_per_frame_p99": 1e6 * float(np.percentile(warm, 99)),
     }
