@@ -118,9 +118,9 @@ def skate_ratio(
 def glide_share(feet: Array, root: Array, fps: float, *, speed: float = 0.3, share: float = 0.5) -> float:
     """Share of frames that glide: the root travels, but no foot goes back under it as the ground does.
 
-    feet [T, ..., C, 3] and root [T, ..., 2] in the world, metres. A foot that stands moves at the root's speed
-    relative to the root. A frame glides when the root is faster than speed (m/s) and every foot's horizontal
-    velocity relative to it is below share of that; velocities are averages over 0.2 s. This sees what skate
+    feet [T, ..., C, 3] and root [T, ..., 2] in the world, metres. A foot that stands moves at the root's
+    speed relative to the root. A frame glides when the root is faster than speed (m/s) and every foot's
+    horizontal velocity relative to it is below share of that; averages over 0.2 s. This sees what skate
     cannot: a pose that is carried along with its feet in the air.
     """
     feet = np.asarray(feet, np.float64)[..., [0, 2]]
