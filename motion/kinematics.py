@@ -131,3 +131,10 @@ def angular_velocities_numpy(rotations: Array, fps: float) -> Array:
     """The obvious twin of `angular_velocities`."""
     steps = quat.log(quat.shortest(quat.mul(rotations[1:], quat.inv(rotations[:-1]))))
     return _central(steps, fps)
+
+
+def unroll(rotations: Array) -> Array:
+    """`quat.unroll` of rotations [T, J, 4], compiled."""
+    out = np.array(rotations, order="C")
+    kernels.unroll(out)
+    return out

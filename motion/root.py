@@ -64,8 +64,7 @@ def ground(
     positions[:, moved] = quat.rotate(back, world_pos[:, under] - position[:, None])
     rotations[:, moved] = quat.mul(back, world_rot[:, under])
     positions[:, 0], rotations[:, 0] = position, quat.unroll(rotation)
-    for j in moved:
-        rotations[:, j] = quat.unroll(rotations[:, j])
+    rotations[:, moved] = quat.unroll(rotations[:, moved])
     return clip.replace(skeleton=skeleton, positions=positions, rotations=rotations)
 
 

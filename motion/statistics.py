@@ -28,9 +28,9 @@ def statistics(clip: Clip) -> dict[str, Any]:
 
     The hips face along left x up, left being the line between the thighs. Only in ASF/AMC, whose root carries
     axes by definition, it is the root's +Z, and left_share counts by how level that axis lies (as the data's
-    manifest has it; it matters for bent bodies only). A rest pose inserted as first frame counts in frames and seconds
-    only. Numbers that a clip is too short for
-    are None. The clip needs the role hips, and up_legs or arms.
+    manifest has it; it matters for bent bodies only). A rest pose inserted as first frame counts in frames
+    and seconds only. Numbers that a clip is too short for are None. The clip needs the role hips, and up_legs
+    or arms.
     """
     start = 1 if starts_at_rest(clip) else 0
     world, turns = kinematics.forward(clip.skeleton, clip.positions[start:], clip.rotations[start:])
