@@ -178,14 +178,14 @@ def _scan_frames(data, names, ends, firsts, out, doubts, state):
     i, line, frame, seen, turn, noted = state[0], state[1], state[2], state[3], state[4], 0
     status = digits.DONE
     marks = np.full(bones, -1, np.int64)
-    last = i
+    last, last_line = i, line
     while i < n:
         while i < n and digits.is_space(data[i]):
             line += data[i] == 10
             i += 1
         if i == n:
             break
-        last = i
+        last, last_line = i, line
         if data[i] == 35 or data[i] == 58:  # a comment, or a keyword such as :DEGREES
             while i < n and data[i] != 10:
                 i += 1
@@ -261,7 +261,7 @@ def _scan_frames(data, names, ends, firsts, out, doubts, state):
         seen += 1
     if status == digits.DONE and frame >= 0 and seen < bones:
         status = MISSING
-        i = last
+        i, line = last, last_line
     state[0], state[1], state[2], state[3], state[4], state[5] = i, line, frame, seen, turn, noted
     return status
 

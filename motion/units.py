@@ -21,7 +21,12 @@ UNITS = {
     "foot": 0.3048,
     "inch / 0.45": 0.0254 / 0.45,  # the CMU mocap library, and what was made from its ASF files
 }
-_RARITY = {"inch": 0.3, "foot": 0.3, "inch / 0.45": 0.15}  # how much better these must fit, in log size
+_RARITY = {
+    "millimetre": 0.5,
+    "inch": 0.3,
+    "foot": 0.3,
+    "inch / 0.45": 0.15,
+}  # how much better these must fit, in log size
 _METRIC = ("metre", "centimetre", "millimetre")
 
 LEG, QUADRUPED_LEG = 0.84, 0.35  # metres from up_leg over leg to foot
