@@ -20,7 +20,9 @@ MOST_SECONDS = 600.0
 
 
 def follow(course: Course, settings: Settings | None = None) -> dict[str, NDArray]:
-    """How an object that follows the commands by springs, as every simulated character does, takes a course.
+    """How an object that follows the commands by springs, as a simulated character does, takes a course.
+
+    It walks through obstacles.
 
     Returns times [T], positions [T, 2], yaws [T], speeds [T] and the speeds asked for, asked [T].
     """

@@ -138,3 +138,26 @@ def test_a_course_is_described_and_drawn(tmp_path):
 
 def test_drawing_needs_a_course(tmp_path):
     assert "no course to draw" in mm("courses", "--plot", tmp_path / "x.png", code=2).stderr
+
+
+def test_captured_walks_take_a_lap_of_the_thesis_course(data, tmp_path):
+    db = tmp_path / "cmu16.mmdb"
+    build([data / "cmu" / "asfamc" / "16"]).save(db)
+    facts = json.loads(mm("run", db, "--course", "thesis", "--json").stdout)
+    # A lap of a minute or two at the data's speeds, kept to within a hand's breadth on the mean.
+    assert 60 < facts["seconds"] < 150
+    assert facts["path_error_cm"] < 10
+    assert facts["speed_mps"] == pytest.approx(facts["asked_speed_mps"], rel=0.1)
+    assert facts["transitions_per_s"] < facts["searches_per_s"] / 2
+
+
+def test_obstacles_are_kept_clear_of(db, tmp_path):
+    tape = tmp_path / "run.rec"
+    mm("run", db, "--course", "obstacles", "--record", tape)
+    recording = Recording.load(tape)
+    x, z, half_x, half_z, radius = recording.course.obstacles().T
+    away = np.abs(recording["simulation_position"] - np.stack([x, z], axis=-1))
+    outside = np.maximum(away - np.stack([half_x, half_z], axis=-1), 0)
+    # The simulated object keeps its body radius of 0.3 m, and comes out at the other end.
+    assert (np.linalg.norm(outside, axis=-1) - radius).min() > 0.29
+    assert recording.roots()[0][-1, 0, 1] > 22
