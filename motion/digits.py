@@ -218,7 +218,7 @@ def read_table(data: Bytes, columns: int, most_rows: int) -> tuple[NDArray[np.fl
     out = np.empty((min(most_rows, len(data) // (2 * columns) + 1), columns))
     doubts = np.empty((1024, 5), np.int64)
     state = np.zeros(5, np.int64)
-    view = memoryview(data)
+    view = data.data
     while True:
         kind = _read(data, state, out, doubts)
         for row, column, line, at, end in doubts[: state[4]].tolist():

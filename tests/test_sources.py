@@ -22,7 +22,7 @@ def test_every_clip_of_the_manifest(data, manifest):
     wrong = []
     for row in manifest:
         clip = sources.load(data / row["file"])
-            # Those files announce a wrong frame time of 0.0667; the manifest prints 1 / 0.016667 as 59.999.
+        # Those files announce a wrong frame time of 0.0667; the manifest prints 1 / 0.016667 as 59.999.
         fps = 15 if "labelled_60fps" in row["file"] else float(row["fps"])
         agrees = (
             len(clip) == int(row["frames"])
