@@ -93,8 +93,8 @@ def grow(rows: NDArray[np.float32], depth: int, leaf: int) -> tuple[Tree, NDArra
     """A KD-tree over rows [T, C], split at the median of the column that varies most.
 
     Returns the tree and order [T], the rows leaf by leaf. The tree is a tuple of per-node arrays: split
-    column, -1 in leaves; split value; for a leaf its span of order, for an inner node the second child's index (its
-    first child is the next node).
+    column, -1 in leaves; split value; for a leaf its span of order, for an inner node the second child's
+    index (its first child is the next node).
     """
     columns: list[int] = []
     values: list[float] = []
