@@ -104,7 +104,9 @@ def _central(step: Array, fps: float) -> Array:
         rate[:-1], rate[-1] = step * fps, step[-1] * fps
     else:
         rate[1:-1] = (step[1:] + step[:-1]) * (fps / 2)
-        rate[0] = rate[1] - (rate[3 if len(rate) > 3 else 2] - rate[2])
+        # The second step of the acceleration, as the public reference has it (in four frames the first).
+        i = 2 if len(rate) > 4 else 1
+        rate[0] = rate[1] - (rate[i + 1] - rate[i])
         rate[-1] = rate[-2] + (rate[-2] - rate[-3])
     return rate
 
@@ -114,7 +116,7 @@ def velocities(positions: Array, fps: float) -> Array:
 
     The two end frames are extrapolated from their neighbours (REFERENCE 2.6's public implementation).
     """
-    return _central(np.diff(positions, axis=0), fps)
+    return _central(np.diff(positions, axis=0), fps)[: len(positions)]
 
 
 def angular_velocities(rotations: Array, fps: float) -> Array:
@@ -124,7 +126,7 @@ def angular_velocities(rotations: Array, fps: float) -> Array:
     kernels.rotation_steps(
         np.ascontiguousarray(rotations).reshape(-1, joints, 4), steps.reshape(-1, joints, 3)
     )
-    return _central(steps, fps)
+    return _central(steps, fps)[: len(rotations)]
 
 
 def angular_velocities_numpy(rotations: Array, fps: float) -> Array:

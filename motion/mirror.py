@@ -2,8 +2,8 @@
 
 A mirrored joint takes its twin's transform, seen through the mirror. With M = diag(-1, 1, 1) and G world
 rotations, G'_j = M G_twin(j) D_j, where the reflection D_j maps the joint's local frame to its twin's. In
-rigs whose frames lie along the world's axes D is M itself; in rigs whose bones all lie along one local axis it
-flips another axis. It is found from the bones: D_j maps each bone to the twin's. In local terms
+rigs whose frames lie along the world's axes D is M itself; in rigs whose bones all lie along one local axis
+it flips another axis. It is found from the bones: D_j maps each bone to the twin's. In local terms
 
     L'_j = D_p^T L_twin(j) D_j,   x'_j = D_p^T x_twin(j),   p the parent of j,
 

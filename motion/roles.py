@@ -74,7 +74,7 @@ _CENTER_WORDS = {word: part for part, words in _CENTER.items() for word in words
 _SIDE_WORDS = {"l": "left", "left": "left", "lft": "left", "r": "right", "right": "right", "rgt": "right"}
 _FILLER = frozenset(
     "joint jnt jt bone bn b bip biped def org skin bind sk j jj node mixamorig character cc base valve "
-    "valvebiped bend main rig skel".split()  # noqa: SIM905
+    "valvebiped bend main rig skel".split()
 )
 # A joint with one of these words in its name hangs beside the chain that moves the body.
 _HELPERS = frozenset(
@@ -82,7 +82,7 @@ _HELPERS = frozenset(
     "prop socket attach dummy muscle skirt hair cloth aux offset top thumb index middle mid ring pinky "
     "little finger fingers eye eyes jaw tongue ear tail wing metatarsal metatarsals heel breast pectoral "
     "butt buttock mch vb cor share constraint locator camera cam goal hint knuckle palm big adj "
-    "scale grp".split()  # noqa: SIM905
+    "scale grp".split()
 )
 # Corners of a quadruped: front, and the three words for hind.
 _QUARTERS = {

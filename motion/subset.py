@@ -102,7 +102,7 @@ def fit(clip: Clip, skeleton: Skeleton) -> Clip:
 
 
 def leg_length(skeleton: Skeleton, bones: Array) -> float:
-    """Length of the legs from up_leg to foot, metres, by local joint positions [J, 3]; of all bones if none."""
+    """Length of the legs (up_leg to foot), metres, by local positions [J, 3]; without legs, of all bones."""
     lengths, roles = np.linalg.norm(bones, axis=-1), skeleton.roles
     ends = [(f"{side}_foot", f"{side}_up_leg") for side in ("left", "right")]
     legs = [
