@@ -24,9 +24,6 @@ def cli() -> None:
     pass
 
 
-cli.add_command(run)
-cli.add_command(courses)
-
 SCHEMA = click.option(
     "--schema",
     default="lmm27",
@@ -142,6 +139,10 @@ def export(db: str, output: str) -> None:
 
     for path in interchange.export_directory(Database.load(db), output):
         print(f"{path}: {path.stat().st_size / 1e6:.1f} MB")
+
+
+cli.add_command(run)
+cli.add_command(courses)
 
 
 def _wrote(output: str, db: Database) -> str:
