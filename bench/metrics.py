@@ -159,10 +159,10 @@ def path_length(positions: Array) -> Array:
 
 
 def speed_ratio(positions: Array, command_velocity: Array, fps: float) -> float:
-    """Metres walked over metres commanded: path length of positions [T, ..., 2] smoothed over 0.2 s, divided
-    by the sum of the commanded speeds [T, ..., 2] / fps. NaN when nothing was commanded."""
-    asked = np.linalg.norm(np.asarray(command_velocity, np.float64)[1:], axis=-1).sum() / fps
-    return float(path_length(smooth(positions, fps)).sum() / asked) if asked > 0 else float("nan")
+    """Metres walked over metres commanded: sum of the speeds of positions [T, ..., 2], smoothed over 0.2 s,
+    over that of the commanded velocities [T, ..., 2]. NaN when nothing was commanded."""
+    asked = np.linalg.norm(np.asarray(command_velocity, np.float64), axis=-1).sum()
+    return float(root_speed(positions, fps).sum() / asked) if asked > 0 else float("nan")
 
 
 def nearest_on_path(

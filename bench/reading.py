@@ -30,7 +30,8 @@ def measure(files: Sequence[str | os.PathLike[str]], *, repeats: int = 3) -> lis
     except ImportError:
         pass
     else:
-        readers["pybvh.read_bvh_file (numbers)"] = pybvh.read_bvh_file
+        # The axis given: it would guess it by forward kinematics, which is no part of reading.
+        readers["pybvh.read_bvh_file (numbers)"] = lambda path: pybvh.read_bvh_file(path, world_up="+y")
     rows = []
     for name, read in readers.items():
         with timing.single_thread():

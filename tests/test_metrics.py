@@ -107,7 +107,7 @@ def test_root_speed_path_length_and_speed_ratio():
     np.testing.assert_allclose(metrics.root_speed(positions, FPS), 1.5)
     assert metrics.path_length(positions) == pytest.approx(7.5)
     asked = np.full((301, 2), [0.0, 2.0])
-    assert metrics.speed_ratio(positions, asked, FPS) == pytest.approx(0.75, rel=0.03)
+    assert metrics.speed_ratio(positions, asked, FPS) == pytest.approx(0.75)
     assert np.isnan(metrics.speed_ratio(positions, 0 * asked, FPS))
 
 
