@@ -1,5 +1,5 @@
 """``python -m mm``."""
 
-from .cli import cli
+from .cli import main
 
-cli(prog_name="python -m mm")
+main(prog_name="python -m mm")

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 @console.group(
     "mm", "Motion databases: build them from clips, look at them, exchange them, drive characters."
 )
-def cli() -> None:
+def main() -> None:
     pass
 
 
@@ -39,7 +39,7 @@ OUTPUT = click.option(
 )
 
 
-@cli.command(epilog="Example: python -m mm build clips/walk clips/run -o walk.mmdb --tags tags.csv")
+@main.command(epilog="Example: python -m mm build clips/walk clips/run -o walk.mmdb --tags tags.csv")
 @click.argument("sources", nargs=-1, required=True, type=click.Path())
 @OUTPUT
 @SCHEMA
@@ -82,7 +82,7 @@ def build(sources: tuple[str, ...], output: str, **options: Any) -> None:
     )
 
 
-@cli.command(epilog="Example: python -m mm info walk.mmdb --json")
+@main.command(epilog="Example: python -m mm info walk.mmdb --json")
 @click.argument("db", type=click.Path())
 @console.json_option
 def info(db: str, as_json: bool) -> None:
@@ -97,7 +97,7 @@ def info(db: str, as_json: bool) -> None:
         summary.show(facts)
 
 
-@cli.command("import", epilog="Example: python -m mm import reference/resources -o reference.mmdb")
+@main.command("import", epilog="Example: python -m mm import reference/resources -o reference.mmdb")
 @click.argument("directory", type=click.Path())
 @OUTPUT
 @SCHEMA
@@ -126,7 +126,7 @@ def import_(
     print(_wrote(output, db))
 
 
-@cli.command(epilog="Example: python -m mm export walk.mmdb -o resources")
+@main.command(epilog="Example: python -m mm export walk.mmdb -o resources")
 @click.argument("db", type=click.Path())
 @click.option("-o", "--output", required=True, type=click.Path(), metavar="DIR", help="Folder to write into.")
 def export(db: str, output: str) -> None:
@@ -141,8 +141,8 @@ def export(db: str, output: str) -> None:
         print(f"{path}: {path.stat().st_size / 1e6:.1f} MB")
 
 
-cli.add_command(run)
-cli.add_command(courses)
+main.add_command(run)
+main.add_command(courses)
 
 
 def _wrote(output: str, db: Database) -> str:

@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from mm.build import build
-from mm.cli import cli
+from mm.cli import main
 from mm.course import load, names
 from mm.database import Database
 from mm.recording import Recording
@@ -26,7 +26,7 @@ def db(walker_files, tmp_path_factory):
 
 
 def mm(*arguments, code=0):
-    result = CliRunner().invoke(cli, [str(a) for a in arguments])
+    result = CliRunner().invoke(main, [str(a) for a in arguments])
     assert result.exit_code == code, result.output + result.stderr
     return result
 
