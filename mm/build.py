@@ -13,7 +13,7 @@ import numpy as np
 
 from features.schema import Schema
 from motion import contacts as contact_detection
-from motion import leadin, resample, root, sources
+from motion import leadin, resample, root, sources, subset
 from motion import mirror as mirroring
 from motion import roles as role_maps
 from motion.clip import Clip
@@ -110,8 +110,8 @@ def build(
     grounded = _ground(clips, target, fps, work)
     _note_unmatchable(grounded, names, fps, work)
     bits = [tagging.mark(rules, *clip, fps) for clip in zip(names, cuts, map(len, grounded), strict=True)]
-    kept = (*schema.roles(), "left_foot", "right_foot") if roles_only else None
-    return _assemble(grounded, names, bits, tagging.names(rules), schema, float(fps), mirror, kept, work)
+    flat = skeletons.flat((*schema.roles(), "left_foot", "right_foot")) if roles_only else None
+    return _assemble(grounded, names, bits, tagging.names(rules), schema, float(fps), mirror, flat, work)
 
 
 def _read(read: Callable[[Path], Clip], files: Sequence[Path], skip_bad: bool, work: Work) -> list[Clip]:
@@ -152,14 +152,12 @@ def check(clip: Clip, schema: Schema, fps: float) -> None:
 
 def _ground(clips: list[Clip], target: Skeleton | None, fps: float, work: Work) -> list[Clip]:
     """Clips at the database's rate, on one skeleton, under a ground root; empties the list given."""
-    others = sum(target is not None and skeletons.differs(clip.skeleton, target) for clip in clips)
+    others = sum(target is not None and skeletons.differs(clip, target) for clip in clips)
     if others:
-        work.note(f"{others} of {len(clips)} clips have other bone lengths and were fitted to one skeleton")
+        work.note(f"{others} of {len(clips)} clips have other bone lengths and are fitted to one skeleton")
 
     def ground(clip: Clip) -> Clip:
-        if target is not None and skeletons.differs(clip.skeleton, target):
-            from motion import subset
-
+        if target is not None and skeletons.differs(clip, target):
             clip = subset.fit(clip, target)
         return root.ground(resample.resample(clip, fps))
 
@@ -184,7 +182,7 @@ def _assemble(
     schema: Schema,
     fps: float,
     mirror: bool,
-    kept_roles: Sequence[str] | None,
+    flat: Skeleton | None,
     work: Work,
 ) -> Database:
     """The database of grounded clips; empties the list given."""
@@ -192,7 +190,7 @@ def _assemble(
     counts = np.repeat([len(clip) for clip in clips], copies)
     stops = np.cumsum(counts).astype(np.int32)
     starts = (stops - counts).astype(np.int32)
-    skeleton = (clips[0] if kept_roles is None else skeletons.flatten(clips[0], kept_roles)).skeleton
+    skeleton = flat or clips[0].skeleton
     contact_roles = parts.contact_roles(skeleton)
     poses = Poses.empty(int(stops[-1]), len(skeleton))
     contacts = np.zeros((len(poses), len(contact_roles)), np.uint8)
@@ -206,13 +204,14 @@ def _assemble(
                 clip = mirroring.mirror(clip)
                 touching = touching[:, [contact_roles.index(role_maps.opposite(r)) for r in contact_roles]]
             contacts[piece] = touching
-            parts.write_poses(poses, piece, skeletons.flatten(clip, kept_roles) if kept_roles else clip)
+            found = Poses.of_clip(clip)
+            poses[piece] = skeletons.flatten(clip.skeleton, found, skeleton) if flat else found
 
     for _ in work.map(store, range(len(clips)), label="store"):
         pass
     features, offset, scale = parts.compute_features(schema, skeleton, fps, poses, starts, stops)
     return Database(
-        skeleton=skeleton,
+        skeleton=skeletons.at_rest(skeleton, poses) if flat is None else skeleton,
         fps=fps,
         schema=schema,
         poses=poses,

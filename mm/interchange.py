@@ -402,7 +402,7 @@ def _motion(raw: Raw, skeleton: Skeleton, fps: float) -> tuple[Poses, NDArray[np
     for start, stop in zip(raw.starts, raw.stops, strict=True):
         piece = slice(start, stop)
         clip = Clip("", skeleton, fps, raw.positions[piece], raw.rotations[piece])
-        parts.write_poses(poses, piece, clip)
+        poses[piece] = Poses.of_clip(clip)
         contacts[piece] = contact_detection.contacts(clip, roles=roles)
     return poses, contacts, roles
 

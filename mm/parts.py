@@ -9,16 +9,9 @@ from numpy.typing import NDArray
 
 from features import extract, normalise
 from features.schema import Schema
-from motion.clip import Clip
 from motion.errors import UserError
 from motion.pose import Poses
 from motion.skeleton import Skeleton
-
-
-def write_poses(poses: Poses, piece: slice, clip: Clip) -> None:
-    """Put a clip and its velocities into a range of poses."""
-    for name, array in Poses.of_clip(clip).arrays().items():
-        getattr(poses, name)[piece] = array
 
 
 def compute_features(

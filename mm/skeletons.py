@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from motion import kinematics
+from motion import kinematics, quat
 from motion.clip import Clip
 from motion.errors import UserError
+from motion.pose import Poses
 from motion.skeleton import Skeleton
 
-SAME_BONE = 1e-4  # metres; bones that differ less are rounded differently, not longer
+SAME_BONE = 1e-3  # metres; bones that differ less are measured or rounded otherwise, not other people's
 
 
 def agree(
@@ -68,29 +70,46 @@ def _difference(found: Skeleton, wanted: Skeleton) -> str:
     return " and ".join(parts) or "its joints stand in another order or hierarchy"
 
 
-def differs(skeleton: Skeleton, target: Skeleton) -> bool:
-    """Whether bones differ in length or rest direction, the root's own place aside."""
-    return bool(np.any(np.abs(skeleton.offsets[1:] - target.offsets[1:]) > SAME_BONE))
+def differs(clip: Clip, target: Skeleton) -> bool:
+    """Whether bones differ in length or rest direction, those aside that carry the body through the world."""
+    bones = clip.positions[0] - target.offsets  # a file's offsets may be stale where channels replace them
+    carrying = target.chain(target.roles.get("hips", 0))
+    bones[carrying] = 0
+    return bool(np.any(np.abs(bones) > SAME_BONE))
 
 
-def flat(roles: Sequence[str]) -> tuple[str, ...]:
-    """Joint names of the flat skeleton of roles: the root, and the roles as its children."""
-    return tuple(dict.fromkeys(("root", *roles)))
+def at_rest(skeleton: Skeleton, poses: Poses) -> Skeleton:
+    """The skeleton of a database, whose joints from the root to the hips rest at their mean place."""
+    offsets = skeleton.offsets.copy()
+    for joint in skeleton.chain(skeleton.roles.get("hips", 0)):
+        offsets[joint] = poses.positions[:, joint].mean(axis=0, dtype=np.float64) if joint else 0
+    return replace(skeleton, offsets=offsets)
 
 
-def flatten(clip: Clip, roles: Sequence[str]) -> Clip:
-    """A grounded clip on the flat skeleton of some roles: every role's joint is a child of the root.
-
-    Features are the same as on the whole skeleton; clips of any skeletons that have these roles get one.
-    A role that the skeleton lacks is a UserError.
-    """
-    names = flat(roles)
-    joints = [clip.skeleton.role(role) for role in names]
+def flat(roles: Sequence[str]) -> Skeleton:
+    """The flat skeleton of roles: the root, and every role's joint as its child."""
+    names = tuple(dict.fromkeys(("root", *roles)))
     parents = np.array([-1] + [0] * (len(names) - 1), np.int32)
-    star = Skeleton(names, parents, np.zeros((len(names), 3)), {role: j for j, role in enumerate(names)})
-    world_positions, world_rotations = kinematics.forward(clip.skeleton, clip.positions, clip.rotations)
-    positions, rotations = kinematics.local(star, world_positions[:, joints], world_rotations[:, joints])
-    offsets = positions.mean(axis=0)
-    offsets[0] = 0
-    star = Skeleton(names, parents, offsets, star.roles)
-    return clip.replace(skeleton=star, positions=positions, rotations=rotations)
+    return Skeleton(names, parents, np.zeros((len(names), 3)), {role: j for j, role in enumerate(names)})
+
+
+def flatten(skeleton: Skeleton, poses: Poses, target: Skeleton) -> Poses:
+    """Poses under a ground root on the flat skeleton of some of their roles; their features stay the same.
+
+    In the root's frame, R its rotation: x' = R^-1 (x - x_0), v' = R^-1 (v - v_0 - w_0 x (x - x_0)),
+    w' = R^-1 (w - w_0). A role that the skeleton lacks is a UserError.
+    """
+    joints = [skeleton.role(role) for role in target.names]
+    world = kinematics.forward_velocities(skeleton, *(a.astype(np.float64) for a in poses.arrays().values()))
+    x, q, v, w = (array[:, joints] for array in world)
+    back, arm = quat.inv(q[:, :1]), x - x[:, :1]
+    local = Poses(
+        quat.rotate(back, arm),
+        quat.mul(back, q),
+        quat.rotate(back, v - v[:, :1] - np.cross(w[:, :1], arm)),
+        quat.rotate(back, w - w[:, :1]),
+    )
+    for array, root in zip(local.arrays().values(), (x, q, v, w), strict=True):
+        array[:, 0] = root[:, 0]
+    local.rotations = quat.unroll(local.rotations)
+    return Poses(*(array.astype(np.float32) for array in local.arrays().values()))

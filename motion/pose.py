@@ -34,6 +34,10 @@ class Poses:
     def __getitem__(self, index: slice | NDArray) -> Poses:
         return Poses(*(array[index] for array in self.arrays().values()))
 
+    def __setitem__(self, index: slice | NDArray, poses: Poses) -> None:
+        for array, values in zip(self.arrays().values(), poses.arrays().values(), strict=True):
+            array[index] = values
+
     def arrays(self) -> dict[str, NDArray[np.float32]]:
         """The four arrays by name."""
         return {
