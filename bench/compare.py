@@ -99,7 +99,8 @@ def compare(
             f"the fastest run to {run:.2f} m/s"
         )
     feet = quality.Feet.of(database)
-    rows, traces, costs = [], [], {}
+    rows, traces = [], []
+    costs: dict[str, list[timing.Cost]] = {}
     jobs = [(entry, course) for entry in chosen for course in played]
     system: System | None = None
     absent: set[str] = set()

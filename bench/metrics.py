@@ -341,9 +341,9 @@ def responsiveness(
 
 def nanmean(values: ArrayLike) -> float:
     """Mean of what is not NaN; NaN when nothing is left."""
-    values = np.asarray(values, np.float64)
-    values = values[np.isfinite(values)]
-    return float(values.mean()) if len(values) else float("nan")
+    numbers = np.asarray(values, np.float64)
+    numbers = numbers[np.isfinite(numbers)]
+    return float(numbers.mean()) if len(numbers) else float("nan")
 
 
 def jerk(positions: Array, fps: float) -> float:

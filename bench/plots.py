@@ -33,9 +33,10 @@ DRAWN_POINTS = 400
 def style(salt: str) -> Iterator[None]:
     """Matplotlib settings of all figures; salt makes the ids of one page's figures differ."""
     import matplotlib
+    from cycler import cycler
 
     ink = ("text.color", "axes.labelcolor", "axes.edgecolor", "xtick.color", "ytick.color")
-    settings: dict[str, Any] = dict.fromkeys(ink, INK) | {
+    settings: Any = dict.fromkeys(ink, INK) | {
         "svg.fonttype": "none",
         "svg.hashsalt": salt,
         "font.family": ["sans-serif"],
@@ -48,7 +49,7 @@ def style(salt: str) -> Iterator[None]:
         "legend.frameon": False,
         "legend.labelcolor": INK,
         "grid.color": "#8884",
-        "axes.prop_cycle": matplotlib.cycler(color=COLOURS),
+        "axes.prop_cycle": cycler(color=COLOURS),
     }
     with matplotlib.rc_context(settings):
         yield

@@ -1,4 +1,4 @@
-"""The comparison: a system whose truth is known, motion matching on a small database, what is left on disk."""
+"""The comparison: a system whose truth is known, matching on a small database, what is left on disk."""
 
 from __future__ import annotations
 
