@@ -30,7 +30,7 @@ def resample(clip: Clip, fps: float, *, method: str = "cubic") -> Clip:
     if fps == clip.fps:
         return clip
     step = frame_step(clip.fps, fps)
-    if step == 1:
+    if step == 1 or len(clip) == 0:
         return clip.replace(fps=fps)
     if step == round(step):
         whole = slice(None, None, round(step))
