@@ -72,12 +72,10 @@ def build(sources: tuple[str, ...], output: str, **options: Any) -> None:
     took = time.perf_counter() - start
     clips = int((~db.mirrored).sum())
     seconds = float((db.stops - db.starts)[~db.mirrored].sum()) / db.fps
-    frames = f"{len(db):,} frames" + f" with {int(db.mirrored.sum())} mirrored copies" * bool(
-        db.mirrored.any()
-    )
-    size = Path(output).stat().st_size / 1e6
+    copies = " with their mirrored copies" * bool(db.mirrored.any())
     print(
-        f"{output}: {clips} clips, {seconds / 60:.1f} minutes, {frames} at {db.fps:g} fps, {size:.1f} MB, "
+        f"{output}: {clips} clip{'s' * (clips != 1)}, {seconds / 60:.1f} minutes, "
+        f"{len(db):,} frames{copies} at {db.fps:g} fps, {Path(output).stat().st_size / 1e6:.1f} MB, "
         f"built in {took:.1f} s, {seconds / took:,.0f} times real time"
     )
 

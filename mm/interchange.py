@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from motion import files
+from motion import files, kinematics
 from motion.clip import Clip
 from motion.errors import UserError
 from motion.pose import Poses
@@ -378,7 +378,9 @@ def _skeleton(
     offsets[0] = 0  # the root travels, it has no rest position
     skeleton = Skeleton(tuple(names), raw.parents, offsets)
     overrides = role_maps.load_overrides(roles) if isinstance(roles, str | os.PathLike) else roles
-    skeleton = skeleton.with_roles({**role_maps.guess(skeleton), "root": 0})
+    middle = len(raw.positions) // 2
+    pose, _ = kinematics.forward(skeleton, raw.positions[middle], raw.rotations[middle])
+    skeleton = skeleton.with_roles({**role_maps.guess(skeleton, pose), "root": 0})
     return role_maps.apply(skeleton, overrides) if overrides else skeleton
 
 
@@ -408,18 +410,26 @@ def _motion(raw: Raw, skeleton: Skeleton, fps: float) -> tuple[Poses, NDArray[np
 
 
 def _name_ranges(raw: Raw) -> tuple[tuple[str, ...], NDArray[np.bool_]]:
-    """Names of the ranges; one whose root repeats the range before it with x negated is its mirrored copy."""
+    """Names of the ranges; one that mirrors the range before it bears that one's name."""
     width = len(str(len(raw.starts) - 1))
     names, mirrored = [f"range_{r:0{width}}" for r in range(len(raw.starts))], [False] * len(raw.starts)
-    roots = [raw.positions[start:stop, 0] for start, stop in zip(raw.starts, raw.stops, strict=True)]
-    flip = np.array([-1, 1, 1], np.float32)
-    for r in range(1, len(roots)):
-        one, other = roots[r - 1], roots[r]
-        if mirrored[r - 1] or len(one) != len(other) or np.ptp(one[:, 0]) < 0.01:
-            continue
-        if np.allclose(other, one * flip, rtol=0, atol=1e-3):
+    pieces = [slice(start, stop) for start, stop in zip(raw.starts, raw.stops, strict=True)]
+    for r in range(1, len(pieces)):
+        if not mirrored[r - 1] and _mirrors(raw, pieces[r - 1], pieces[r]):
             names[r], mirrored[r] = names[r - 1], True
     return tuple(names), np.array(mirrored, bool)
+
+
+def _mirrors(raw: Raw, one: slice, other: slice) -> bool:
+    """Whether the root of a range repeats another one with x negated, and the feet with sides exchanged."""
+    here, there = raw.positions[one, 0], raw.positions[other, 0]
+    if len(here) != len(there) or not np.allclose(there, here * np.float32([-1, 1, 1]), rtol=0, atol=1e-3):
+        return False
+    if raw.contacts is None:
+        return bool(np.ptp(here[:, 0]) > 0.01)
+    feet, swapped = raw.contacts[one], raw.contacts[other, ::-1]
+    sided = np.ptp(here[:, 0]) > 0.01 or np.any(feet != feet[:, ::-1])
+    return bool(sided and np.mean(feet == swapped) > 0.95)
 
 
 def load_names(path: PathLike) -> list[str]:

@@ -218,6 +218,7 @@ def test_a_mirrored_range_is_recognised(tmp_path: Path) -> None:
     raw = _raw()
     raw.starts, raw.stops = np.array([0, 30], np.int32), np.array([30, 60], np.int32)
     raw.positions[30:] = raw.positions[:30] * np.array([-1, 1, 1], np.float32)
+    raw.contacts[30:] = raw.contacts[:30, ::-1]
     interchange.write_database(tmp_path / "database.bin", raw)
     db = interchange.import_directory(tmp_path, roles=ROLES)
     assert db.mirrored.tolist() == [False, True] and db.names == ("range_0", "range_0")
