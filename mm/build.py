@@ -87,8 +87,9 @@ def build(
 
     def read(path: Path) -> Clip:
         clip = load(path, source_fps, roles)
-        dropped[clip.source] = leadin.lead_in(clip)
-        clip = leadin.without_lead_in(clip)
+        dropped[path] = count = leadin.lead_in(clip)
+        if count:
+            clip = clip.replace(positions=clip.positions[count:], rotations=clip.rotations[count:])
         check(clip, schema, fps)
         return clip
 
@@ -157,8 +158,9 @@ def _ground(clips: list[Clip], target: Skeleton | None, fps: float, work: Work) 
         work.note(f"{others} of {len(clips)} clips have other bone lengths and are fitted to one skeleton")
 
     def ground(clip: Clip) -> Clip:
-        if target is not None and skeletons.differs(clip, target):
-            clip = subset.fit(clip, target)
+        if target is not None:
+            fits = not skeletons.differs(clip, target)
+            clip = clip.replace(skeleton=target) if fits else subset.fit(clip, target)
         return root.ground(resample.resample(clip, fps))
 
     return list(work.map(_letting_go(ground, clips), range(len(clips)), label="prepare"))

@@ -13,6 +13,8 @@ so no forward kinematics is needed.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -38,7 +40,28 @@ def mirror(clip: Clip) -> Clip:
     also in the skeleton returned. Joints without a twin on the other side keep their local transforms. A
     skeleton of which no joint has a twin is a UserError.
     """
-    skeleton = clip.skeleton
+    plan = _plan(clip.skeleton)
+    positions, rotations = np.empty_like(clip.positions), np.empty_like(clip.rotations)
+    _reflect(
+        *(clip.positions, clip.rotations, plan.twins, plan.matched),
+        *(plan.frame_above, plan.turn_above, plan.turn, positions, rotations),
+    )
+    return clip.replace(skeleton=plan.skeleton, positions=positions, rotations=rotations)
+
+
+class _Plan(NamedTuple):
+    """What mirroring needs to know of a skeleton: see the formulas above."""
+
+    twins: NDArray[np.int64]
+    matched: NDArray[np.bool_]
+    frame_above: NDArray[np.float64]
+    turn_above: NDArray[np.float64]
+    turn: NDArray[np.float64]
+    skeleton: Skeleton
+
+
+@lru_cache(maxsize=16)  # a database's clips share their skeleton
+def _plan(skeleton: Skeleton) -> _Plan:
     twins = pairs(skeleton)
     frames = _frames(skeleton, twins)
     # A reflection D acts on a rotation as the rotation -D does: the signs of a pair cancel.
@@ -47,15 +70,8 @@ def mirror(clip: Clip) -> Clip:
     frame_above, turn_above = frames[above].transpose(0, 2, 1).copy(), quat.inv(turn[above])
     frame_above[0], turn_above[0] = _M, quat.from_matrix(-_M)
     matched = _matched(skeleton, twins)
-    positions, rotations = np.empty_like(clip.positions), np.empty_like(clip.rotations)
-    _reflect(
-        clip.positions, clip.rotations, twins, matched, frame_above, turn_above, turn, positions, rotations
-    )
-    return clip.replace(
-        skeleton=_mirror_skeleton(skeleton, twins, matched, frame_above, frames),
-        positions=positions,
-        rotations=rotations,
-    )
+    mirrored = _mirror_skeleton(skeleton, twins, matched, frame_above, frames)
+    return _Plan(twins, matched, frame_above, turn_above, turn, mirrored)
 
 
 @numba.njit(cache=True, nogil=True)

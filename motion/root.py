@@ -7,6 +7,7 @@ and smoothed. The filters' windows are lengths of time, so that any frame rate g
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from .clip import Clip
 from .errors import UserError
 from .skeleton import Skeleton
 
-Array = NDArray[np.float64]
+Array = NDArray[np.floating]
 
 POSITION_WINDOW, HEADING_WINDOW = 31 / 60, 61 / 60  # seconds
 NAME = "root"
@@ -46,17 +47,10 @@ def ground(
     )
     old = clip.skeleton
     if "root" in old.roles:
-        skeleton = replace(
-            old,
-            names=(NAME, *old.names[1:]),
-            offsets=np.concatenate([np.zeros((1, 3)), old.offsets[1:]]),
-            end_sites={j: o for j, o in old.end_sites.items() if j != 0},
-        )
         positions, rotations = clip.positions.copy(), clip.rotations.copy()
         under = np.flatnonzero(old.parents == 0)
         moved = under
     else:
-        skeleton = _under_root(old)
         positions = np.concatenate([position[:, None], clip.positions], axis=1)
         rotations = np.concatenate([rotation[:, None], clip.rotations], axis=1)
         under, moved = np.array([0]), np.array([1])
@@ -65,7 +59,7 @@ def ground(
     rotations[:, moved] = quat.mul(back, world_rot[:, under])
     positions[:, 0], rotations[:, 0] = position, quat.unroll(rotation)
     rotations[:, moved] = quat.unroll(rotations[:, moved])
-    return clip.replace(skeleton=skeleton, positions=positions, rotations=rotations)
+    return clip.replace(skeleton=_with_root(old), positions=positions, rotations=rotations)
 
 
 def root_positions(
@@ -171,8 +165,16 @@ def _unit(v: Array) -> Array:
     return v / length
 
 
-def _under_root(old: Skeleton) -> Skeleton:
-    """The skeleton with a new joint 0 above its own."""
+@lru_cache(maxsize=16)  # clips that share a skeleton go on sharing one
+def _with_root(old: Skeleton) -> Skeleton:
+    """The skeleton whose joint 0 is our ground root, a new one unless it has one."""
+    if "root" in old.roles:
+        return replace(
+            old,
+            names=(NAME, *old.names[1:]),
+            offsets=np.concatenate([np.zeros((1, 3)), old.offsets[1:]]),
+            end_sites={j: o for j, o in old.end_sites.items() if j != 0},
+        )
     names = list(old.names)
     if NAME in names:
         taken = names.index(NAME)
