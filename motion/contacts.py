@@ -49,7 +49,7 @@ def still(
     return median(rates < speed, max(1, round(window * fps))).astype(np.uint8)
 
 
-def _world_velocities(clip: Clip, joints: Sequence[int]) -> NDArray[np.float64]:
+def _world_velocities(clip: Clip, joints: Sequence[int]) -> NDArray[np.floating]:
     """World velocities [T, C, 3] of some joints, through the hierarchy as the public reference does.
 
     Differences of world positions are the same to second order only, which matters near the threshold.

@@ -55,8 +55,8 @@ class _Plan(NamedTuple):
     twins: NDArray[np.int64]
     matched: NDArray[np.bool_]
     frame_above: NDArray[np.float64]
-    turn_above: NDArray[np.float64]
-    turn: NDArray[np.float64]
+    turn_above: NDArray[np.floating]
+    turn: NDArray[np.floating]
     skeleton: Skeleton
 
 

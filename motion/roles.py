@@ -229,7 +229,7 @@ def _read_names(names: Sequence[str]) -> list[_Name]:
     counts = Counter(t for _, rest in split for t in set(rest))
     common = {t for t, n in counts.items() if len(names) >= 8 and n > 0.6 * len(names)}
     words = {t for _, rest in split for t in rest}
-    quarters = {}
+    quarters: dict[str, tuple[str, str]] = {}
     if "fl" in words and words & {"bl", "hl", "rl"}:
         for kind, (left, right) in _QUARTERS.items():
             quarters |= {left: ("left", kind[0]), right: ("right", kind[0])}

@@ -12,7 +12,7 @@ from .clip import Clip
 from .errors import UserError
 from .skeleton import Skeleton
 
-Array = NDArray[np.float64]
+Array = NDArray[np.floating]
 
 
 def subset(clip: Clip, joints: Sequence[str]) -> Clip:

@@ -1,0 +1,310 @@
+"""``python -m motion``: look at motion files, find the roles of their joints, convert them."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from . import console
+from .errors import UserError
+
+if TYPE_CHECKING:
+    from .clip import Clip
+
+LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254, "foot": 0.3048}
+"""Metres in a unit of length, by the name that options take."""
+
+
+@console.group("motion", "Motion files: look at them, find their joints' roles, convert them.")
+def main() -> None:
+    pass
+
+
+class Length(click.ParamType):
+    """A unit by name, or its size in metres."""
+
+    name = "unit"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        try:
+            metres = LENGTHS[value] if value in LENGTHS else float(value)
+        except ValueError:
+            metres = -1.0
+        if not 0 < metres < 1e6:
+            self.fail(f"{value!r} is no unit; give {', '.join(LENGTHS)} or metres a unit", param, ctx)
+        return metres
+
+
+ROLES = click.option(
+    "--roles", type=click.Path(), metavar="FILE", help="TOML file: which joint plays which role."
+)
+SOURCE_UNIT = click.option(
+    "--source-unit", type=Length(), metavar="UNIT", help="Unit of the files' lengths.  [default: guessed]"
+)
+AXIS = click.Choice(["x", "y", "z", "-x", "-y", "-z"])
+HAND = click.Choice(["right", "left"])
+RATE = click.FloatRange(0, 10_000, min_open=True)
+FORWARD = "[default: z, or -y where z is up]"
+
+
+def source_axes(command: Callable) -> Callable:
+    """Decorator: options for the axes of the files read."""
+    for option in (
+        click.option(
+            "--source-handedness", type=HAND, default="right", show_default=True, help="Their handedness."
+        ),
+        click.option("--source-forward", type=AXIS, help=f"Axis they face.  {FORWARD}"),
+        click.option("--source-up", type=AXIS, default="y", show_default=True, help="The files' up axis."),
+    ):
+        command = option(command)
+    return command
+
+
+@main.command(epilog="Example: python -m motion info clips/walk.bvh clips/cmu --json")
+@click.argument("files", nargs=-1, required=True, type=click.Path())
+@click.option("--fps", type=RATE, help="The files' rate, where they state a wrong one.")
+@SOURCE_UNIT
+@source_axes
+@ROLES
+@console.json_option
+def info(
+    files: tuple[str, ...],
+    fps: float | None,
+    source_unit: float | None,
+    source_up: str,
+    source_forward: str | None,
+    source_handedness: str,
+    roles: str | None,
+    as_json: bool,
+) -> None:
+    """Frames, rate, unit, speeds and turns of motion FILES (folders are searched).
+
+    Speeds and path are of the hips over the ground, in m/s and m; forward_share and left_share are the
+    cosines between where the hips face, and their left, and where they go; net_turn_deg is positive to the
+    left.
+    """
+    from . import axes
+    from .statistics import statistics
+
+    up, forward, handedness = _system(source_up, source_forward, source_handedness)
+    rows = []
+    for path, clip in _clips(files, label="reading", fps=fps, unit_to_m=source_unit, roles=roles):
+        ours = axes.convert(clip, up=up, forward=forward, handedness=handedness, inverse=True)
+        with _about(path):
+            rows.append({"file": str(path), **statistics(ours)})
+    if as_json:
+        console.print_json([{key: _rounded(value) for key, value in row.items()} for row in rows])
+    else:
+        console.print_table(rows)
+
+
+@main.command("roles", epilog="Example: python -m motion roles rig.bvh --roles mine.toml")
+@click.argument("file", type=click.Path())
+@ROLES
+@console.json_option
+def show_roles(file: str, roles: str | None, as_json: bool) -> None:
+    """The roles found in FILE: which joint is the hips, a foot, a hand, ...
+
+    Where the guess is wrong, write a TOML file with a table [roles] and lines such as
+    left_foot = "LeftAnkle" (an empty name removes a role), and give it to --roles.
+    """
+    from .roles import ROLES as known
+
+    (_, clip) = next(_clips((file,), label="reading", roles=roles))
+    skeleton = clip.skeleton
+    found = {role: skeleton.names[joint] for role, joint in skeleton.roles.items()}
+    if as_json:
+        idle = [name for name in skeleton.names if name not in found.values()]
+        absent = [role for role in known if role not in found]
+        console.print_json({"file": file, "roles": found, "absent": absent, "other_joints": idle})
+        return
+    console.print_table([{"role": role, "joint": found.get(role)} for role in known])
+
+
+@dataclass(frozen=True)
+class Changes:
+    """What `convert` does to each clip, in this order."""
+
+    source_axes: tuple[str, str, str]
+    keep_lead_in: bool
+    start: float | None
+    stop: float | None
+    joints: tuple[str, ...]
+    fit: Clip | None
+    fps: float | None
+    ground: bool
+    mirror: bool
+    axes: tuple[str, str, str]
+
+    def apply(self, clip: Clip) -> Clip:
+        """The changed clip."""
+        from . import axes, leadin, mirror, resample, root, subset
+
+        up, forward, handedness = self.source_axes
+        clip = axes.convert(clip, up=up, forward=forward, handedness=handedness, inverse=True)
+        if self.start is not None or self.stop is not None:
+            last = len(clip) if self.stop is None else min(round(self.stop * clip.fps), len(clip))
+            clip = resample.crop(clip, round((self.start or 0) * clip.fps), last)
+        elif not self.keep_lead_in:
+            clip = leadin.without_lead_in(clip)
+        if self.joints:
+            clip = subset.subset(clip, self.joints)
+        if self.fit is not None:
+            clip = subset.fit(clip, self.fit.skeleton)
+        if self.fps is not None:
+            clip = resample.resample(clip, self.fps)
+        if self.ground:
+            clip = root.ground(clip)
+        if self.mirror:
+            clip = mirror.mirror(clip)
+        up, forward, handedness = self.axes
+        return axes.convert(clip, up=up, forward=forward, handedness=handedness)
+
+
+@main.command(epilog="Example: python -m motion convert clips/cmu -o out --fps 60 --unit cm --ground")
+@click.argument("source", metavar="IN", type=click.Path())
+@click.argument("target", metavar="[OUT]", required=False, type=click.Path())
+@click.option("-o", "--output", type=click.Path(), metavar="OUT", help="The same as the argument OUT.")
+@click.option("--fps", type=RATE, help="Frames a second to resample to.  [default: as they are]")
+@click.option("--start", type=click.FloatRange(0), metavar="SECONDS", help="Leave out what comes before.")
+@click.option("--stop", type=click.FloatRange(0), metavar="SECONDS", help="Leave out what comes after.")
+@click.option("--keep-lead-in", is_flag=True, help="Keep a rest pose that stands before the capture.")
+@click.option("--mirror", is_flag=True, help="Exchange left and right.")
+@click.option("--ground", is_flag=True, help="Add a root joint that travels on the ground and faces forward.")
+@click.option("--joints", metavar="NAMES", help="Keep these joints only, separated by commas.")
+@click.option("--fit", type=click.Path(), metavar="FILE", help="Take this file's bone lengths (same joints).")
+@click.option("--unit", type=Length(), help="m, cm, mm, inch, foot or metres a unit.  [default: as they are]")
+@click.option("--up", type=AXIS, default="y", show_default=True, help="Axis that points up.")
+@click.option("--forward", type=AXIS, help=f"Axis that characters face.  {FORWARD}")
+@click.option("--handedness", type=HAND, default="right", show_default=True, help="Handedness of the axes.")
+@click.option("--source-fps", type=RATE, help="The files' rate, where they state a wrong one.")
+@SOURCE_UNIT
+@source_axes
+@ROLES
+def convert(
+    source: str,
+    target: str | None,
+    output: str | None,
+    fps: float | None,
+    start: float | None,
+    stop: float | None,
+    keep_lead_in: bool,
+    mirror: bool,
+    ground: bool,
+    joints: str | None,
+    fit: str | None,
+    unit: float | None,
+    up: str,
+    forward: str | None,
+    handedness: str,
+    source_fps: float | None,
+    source_unit: float | None,
+    source_up: str,
+    source_forward: str | None,
+    source_handedness: str,
+    roles: str | None,
+) -> None:
+    """Convert the motion file IN, or all in the folder IN, to the BVH file or folder OUT.
+
+    Each file is written whole or not at all.
+    """
+    from . import bvh
+
+    if (target is None) == (output is None):
+        raise click.UsageError("give one place to write to, as OUT or with -o")
+    target = str(target or output)
+    pairs = _targets(Path(source), Path(target))
+    changes = Changes(
+        source_axes=_system(source_up, source_forward, source_handedness),
+        keep_lead_in=keep_lead_in,
+        start=start,
+        stop=stop,
+        joints=tuple(name.strip() for name in (joints or "").split(",") if name.strip()),
+        fit=None if fit is None else next(_clips((fit,), label="reading", roles=roles))[1],
+        fps=fps,
+        ground=ground,
+        mirror=mirror,
+        axes=_system(up, forward, handedness),
+    )
+    clips = _clips(
+        tuple(map(str, pairs)), label="converting", fps=source_fps, unit_to_m=source_unit, roles=roles
+    )
+    for path, clip in clips:
+        with _about(path):
+            changed = changes.apply(clip)
+        bvh.write(pairs[path], changed, unit_to_m=unit)
+    click.echo(f"wrote {len(pairs)} file{'s' * (len(pairs) != 1)} to {target}", err=True)
+
+
+def _clips(
+    files: tuple[str, ...],
+    *,
+    label: str,
+    fps: float | None = None,
+    unit_to_m: float | None = None,
+    roles: str | None = None,
+) -> Iterator[tuple[Path, Clip]]:
+    """The clips of files and folders, with a progress bar, roles from a file if given."""
+    from . import roles as role_files
+    from . import sources
+
+    overrides = {} if roles is None else role_files.load_overrides(roles)
+    for path in console.progress(sources.find(files), label=label, unit="files"):
+        clip = sources.load(path, fps=fps, unit_to_m=unit_to_m)
+        yield path, clip.replace(skeleton=role_files.apply(clip.skeleton, overrides)) if overrides else clip
+
+
+def _targets(source: Path, target: Path) -> dict[Path, Path]:
+    """For each file of source the BVH file to write; refuses to write over a source or two files into one."""
+    from . import sources
+
+    files = sources.find([source])
+    single = source.is_file() and target.suffix and not target.is_dir()
+    if single and target.suffix.lower() != ".bvh":
+        raise UserError(
+            f"cannot write {target.suffix} files", path=target, remedy="name a .bvh file or a folder"
+        )
+    if source.is_dir() and (target.is_file() or target.suffix.lower() == ".bvh"):
+        raise UserError("not a folder", path=target, remedy=f"{source} is a folder, so name one to write to")
+    above = source if source.is_dir() else source.parent
+    pairs = {f: target if single else target / f.relative_to(above).with_suffix(".bvh") for f in files}
+    taken: dict[Path, Path] = {}
+    inputs = {f.resolve() for f in files}
+    for file, out in pairs.items():
+        if out.resolve() in inputs:
+            raise UserError("would write over its source", path=file, remedy="name another place to write to")
+        if out in taken:
+            raise UserError(
+                f"would be written to {out}, as would {taken[out]}", path=file, remedy="convert them apart"
+            )
+        taken[out] = file
+    return pairs
+
+
+def _system(up: str, forward: str | None, handedness: str) -> tuple[str, str, str]:
+    """Axes that belong together, forward filled in."""
+    from . import axes
+
+    forward = forward or ("-y" if up.endswith("z") else "z")
+    axes.basis(up, forward, handedness)
+    return up, forward, handedness
+
+
+@contextlib.contextmanager
+def _about(path: Path) -> Iterator[None]:
+    """A user error inside that names no file is about path."""
+    try:
+        yield
+    except UserError as error:
+        if error.path is not None:
+            raise
+        raise UserError(error.what, path=path, remedy=error.remedy) from error
+
+
+def _rounded(value: Any) -> Any:
+    return round(value, 7) if isinstance(value, float) else value
