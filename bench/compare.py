@@ -9,18 +9,17 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from mm import course as courses_
 from mm import recording, speeds
-from mm.control import Command, System
+from mm.control import System
 from mm.course import Course
 from mm.database import Database
-from mm.driver import Driver
 from motion import console
 from motion.errors import UserError
 
 from . import quality, timing
+from .driving import Clock
 from .systems import Entry, choose
 
 COURSES = ("thesis", "circle", "star", "start-stop", "turn-180", "strafe", "random")
@@ -179,24 +178,15 @@ def _run(
 ) -> tuple[dict[str, Any], quality.Trace, timing.Cost]:
     """One system on one course: its row, its trace, its cost."""
     seconds = min(seconds, natural_seconds(course))
-    driver = _Clock(course, system.count, system.fps)
-    run = recording.record(system, course, seconds=seconds, driver=driver, progress=_silent)
+    clock = Clock(course, system.count, system.fps)
+    run = recording.record(system, course, seconds=seconds, driver=clock, progress=_silent)
     metrics, trace = quality.judge(
         run.arrays, system.skeleton, system.fps, feet, run.path, system=system.name, course=course.name
     )
     frames = len(trace.walked)
-    cost = timing.frame_cost(system, course, min(frames, max(1, round(timed_seconds * system.fps))))
+    cost = timing.frame_cost(system, clock, max(1, round(timed_seconds * system.fps)))
     row = {"system": system.name, "course": course.name, "seconds": frames / system.fps}
     return row | memory_mb(system) | cost.microseconds() | metrics, trace, cost
-
-
-class _Clock(Driver):
-    """A driver that goes on when all have arrived, so that every system is judged over the same time."""
-
-    def command(self, time: float, positions: NDArray, yaws: NDArray) -> Command:
-        command = super().command(time, positions, yaws)
-        self.done = False
-        return command
 
 
 def _silent(items: Iterator[int], **_: Any) -> Iterator[int]:

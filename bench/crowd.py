@@ -8,14 +8,15 @@ from typing import Any
 import numpy as np
 
 from mm import course as courses
-from mm import speeds
 from mm.controller import Controller, build_index
+from mm.course import Course
 from mm.database import Database
 from mm.settings import Settings
 from motion import console
 from motion.errors import UserError
 
 from . import timing
+from .driving import Clock, at_data_speeds, drive
 
 NEVER = 1e9  # seconds between searches, metres a second per second: none but at a clip's end
 
@@ -40,24 +41,15 @@ def measure(
         raise UserError(f"counts {list(counts)}", remedy="give numbers of at least 1, as 1,16,256")
     settings = Settings()
     shared = build_index(database, index, settings)
-    walk, run = speeds.of_database(database)
-    course = courses.load("random")
-    course = course.scaled(walk=walk, run=run) if walk > 0 else course
+    course = at_data_speeds(courses.load("random"), database)
     frames = max(2, round(seconds * database.fps))
     rows = []
     for count in console.progress(counts, label="crowd", unit="counts") if progress else counts:
-        costs = [
-            timing.frame_cost(
-                Controller(database, count=count, settings=chosen, index=shared),
-                course,
-                frames,
-                repeats=repeats,
-                spread=True,
-            )
+        with_search, without = (
+            _cost(Controller(database, count=count, settings=chosen, index=shared), course, frames, repeats)
             for chosen in (settings, Settings(search_interval=NEVER, forced_search_rate=NEVER))
-        ]
+        )
         each = 1e6 / count
-        with_search, without = costs
         rows.append(
             {
                 "characters": count,
@@ -71,3 +63,9 @@ def measure(
             }
         )
     return rows
+
+
+def _cost(controller: Controller, course: Course, frames: int, repeats: int) -> timing.Cost:
+    clock = Clock(course, controller.count, controller.fps, spread=True)
+    next(frame for frame in drive(controller, clock) if frame == frames)
+    return timing.frame_cost(controller, clock, frames, repeats=repeats)

@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mm import course as courses
-from mm import speeds
 from mm.controller import Controller
 from mm.database import Database
-from mm.driver import Driver
 from mm.settings import Settings
-from motion import quat
+
+from .driving import Clock, at_data_speeds, drive
 
 CHARACTERS = 8
 
@@ -58,20 +57,9 @@ def record(database: Database, count: int = 1000, *, index: str = "exact", cours
     settings = Settings()
     controller = Controller(database, count=CHARACTERS, settings=settings, index=index)
     controller.stages.projection = listener = _Listener(controller.stages.projection)
-    walk, run = speeds.of_database(database)
-    way = courses.load(course)
-    driver = Driver(
-        way.scaled(walk=walk, run=run) if walk > 0 else way, CHARACTERS, database.fps, spread=True
-    )
-    controller.reset(driver.starts, driver.yaws)
-    positions, yaws = driver.starts, driver.yaws
-    made, frame = 0, 0
-    while made < count:
-        command = driver.command(frame / database.fps, positions, yaws)
-        before = len(listener.asked)
-        poses = controller.step(command)
-        positions, yaws = poses.positions[:, 0, [0, 2]], quat.yaw(poses.rotations[:, 0])
-        made += sum(len(queries) for queries, _, _ in listener.asked[before:])
-        frame += 1
+    clock = Clock(at_data_speeds(courses.load(course), database), CHARACTERS, database.fps, spread=True)
+    steps = drive(controller, clock)
+    while sum(len(queries) for queries, _, _ in listener.asked) < count:
+        next(steps)
     features, current, bound = (np.concatenate(part)[:count] for part in zip(*listener.asked, strict=True))
     return Queries(features, current, bound, round(settings.ignore_radius * database.fps))

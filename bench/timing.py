@@ -84,58 +84,45 @@ class Cost:
         )
 
 
-def frame_cost(
-    system: Any, course: Any, frames: int, *, warm: int = 30, repeats: int = 3, spread: bool = False
-) -> Cost:
-    """Drive a system over a course, timing whole steps, then again, timing stages (where it tells them).
+def frame_cost(system: Any, clock: Any, frames: int, *, warm: int = 30, repeats: int = 3) -> Cost:
+    """Time a system that gets the first so many commands of a `bench.driving.Clock` again, step after step.
 
-    spread: characters start at different places or times of the course.
+    First whole steps, then stages, where the system tells them.
     """
+    commands = clock.commands[:frames]
     with single_thread():
-        whole = np.min([_drive(system, course, frames, warm, spread)[0] for _ in range(repeats)], axis=0)
+        runs = [_replay(system, clock, commands, warm) for _ in range(repeats)]
+        whole = np.min([seconds for seconds, _, _ in runs], axis=0)
         if not hasattr(system, "timed"):
-            return Cost(whole, {}, np.zeros(frames, bool))
+            return Cost(whole, {}, np.zeros(len(whole), bool))
         system.timed = True
         try:
-            runs = [_drive(system, course, frames, warm, spread) for _ in range(repeats)]
+            runs = [_replay(system, clock, commands, warm) for _ in range(repeats)]
         finally:
             system.timed = False
     stages = {name: np.min([stages[name] for _, stages, _ in runs], axis=0) for name in runs[0][1]}
     return Cost(whole, stages, runs[0][2])
 
 
-def _drive(
-    system: Any, course: Any, frames: int, warm: int, spread: bool
+def _replay(
+    system: Any, clock: Any, commands: Sequence[Any], warm: int
 ) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]], NDArray[np.bool_]]:
-    """Seconds [frames] of each step, of each stage, and which frames searched."""
-    for _ in _steps(system, course, warm, spread):
-        pass
+    """Seconds [T] of each step, of each stage, and which steps searched."""
+    system.reset(clock.starts, clock.yaws)
+    for command in commands[:warm]:
+        system.step(command)
+    system.reset(clock.starts, clock.yaws)
     timed = getattr(system, "timed", False)
-    whole, searched, rows = np.zeros(frames), np.zeros(frames, bool), []
-    for t, seconds in enumerate(_steps(system, course, frames, spread)):
-        whole[t] = seconds
+    whole, searched, rows = np.zeros(len(commands)), np.zeros(len(commands), bool), []
+    for t, command in enumerate(commands):
+        start = time.perf_counter()
+        system.step(command)
+        whole[t] = time.perf_counter() - start
         if timed:
             rows.append(dict(system.stage_seconds))
             searched[t] = system.record()["searched"].any()
     names = {name: None for row in rows for name in row}
     return whole, {name: np.array([row.get(name, 0.0) for row in rows]) for name in names}, searched
-
-
-def _steps(system: Any, course: Any, frames: int, spread: bool) -> Iterator[float]:
-    """Drive a system from a course's start, and say how long each step took."""
-    from mm.driver import Driver
-    from motion import quat
-
-    driver = Driver(course, system.count, system.fps, spread=spread)
-    system.reset(driver.starts, driver.yaws)
-    positions, yaws = driver.starts, driver.yaws
-    for t in range(frames):
-        command = driver.command(t / system.fps, positions, yaws)
-        start = time.perf_counter()
-        poses = system.step(command)
-        seconds = time.perf_counter() - start
-        positions, yaws = poses.positions[:, 0, [0, 2]], quat.yaw(poses.rotations[:, 0])
-        yield seconds
 
 
 def best_of(function: Callable[[], Any], *, repeats: int = 5, least: float = 0.0) -> list[float]:

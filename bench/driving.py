@@ -1,0 +1,55 @@
+"""Driving a system over a course for exactly as long as is measured, and keeping what it was asked."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from numpy.typing import NDArray
+
+from mm.control import Command, System
+from mm.course import Course
+from mm.driver import Driver
+from motion import quat
+
+
+class Clock(Driver):
+    """A driver that goes on when all have arrived, so that every system is judged over the same time.
+
+    `commands` keeps what was asked since the last reset: a system that gets them again does the same again.
+    """
+
+    def __init__(self, course: Course, count: int, fps: float, *, spread: bool = False) -> None:
+        self.commands: list[Command] = []
+        super().__init__(course, count, fps, spread=spread)
+
+    def reset(self) -> None:
+        super().reset()
+        self.commands.clear()
+
+    def command(self, time: float, positions: NDArray, yaws: NDArray) -> Command:
+        command = super().command(time, positions, yaws)
+        self.done = False
+        self.commands.append(command)
+        return command
+
+
+def drive(system: System, clock: Clock) -> Iterator[int]:
+    """Step a system from the start of the course on, without end; yields the number of steps made."""
+    clock.reset()
+    system.reset(clock.starts, clock.yaws)
+    positions, yaws = clock.starts, clock.yaws
+    frame = 0
+    while True:
+        poses = system.step(clock.command(frame / system.fps, positions, yaws))
+        positions, yaws = poses.positions[:, 0, [0, 2]], quat.yaw(poses.rotations[:, 0])
+        frame += 1
+        yield frame
+
+
+def at_data_speeds(course: Course, database: Any) -> Course:
+    """A course at the walking and running speed of a database, if it moves at all."""
+    from mm import speeds
+
+    walk, run = speeds.of_database(database)
+    return course.scaled(walk=walk, run=run) if walk > 0 else course
