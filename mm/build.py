@@ -166,10 +166,10 @@ def _ground(clips: list[Clip], target: Skeleton | None, fps: float, work: Work) 
     return list(work.map(_letting_go(ground, clips), range(len(clips)), label="prepare"))
 
 
-def _letting_go(function, items: list):
+def _letting_go(function: Callable[[Any], Any], items: list) -> Callable[[int], Any]:
     """A function of an index, that frees each item once it is used: two whole copies need not fit."""
 
-    def call(i: int):
+    def call(i: int) -> Any:
         item, items[i] = items[i], None
         return function(item)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from features import normalise
@@ -305,7 +306,7 @@ class Controller:
         return parts | {"character": sum(array.nbytes for array in (*state, *poses)) // self.count}
 
 
-def build_index(database: Database, name: str, settings: Settings, **options) -> search.Index:
+def build_index(database: Database, name: str, settings: Settings, **options: Any) -> search.Index:
     """A search index over a database, with the exclusions of the settings."""
     return search.build(
         name,

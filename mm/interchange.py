@@ -10,7 +10,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -145,7 +145,8 @@ def _full(cursor: _Cursor) -> Raw:
 def _short(cursor: _Cursor) -> Raw:
     positions = cursor.take("positions", 2, 3)
     rotations = cursor.take("rotations", 2, 4)
-    raw = Raw(positions, rotations, *_skeleton_and_ranges(cursor))
+    parents, starts, stops = _skeleton_and_ranges(cursor)
+    raw = Raw(positions, rotations, parents, starts, stops)
     cursor.end()
     return raw
 
@@ -214,9 +215,9 @@ def write_database(path: PathLike, raw: Raw) -> None:
             _put(stream, raw.contacts, 2, "u1")
 
 
-def _put(stream: BinaryIO, array: NDArray, dimensions: int, dtype: str = "<f4") -> None:
+def _put(stream: IO[Any], array: NDArray, dimensions: int, dtype: str = "<f4") -> None:
     stream.write(np.array(array.shape[:dimensions], "<i4").tobytes())
-    stream.write(memoryview(np.ascontiguousarray(array, dtype).reshape(-1).view(np.uint8)))
+    stream.write(np.ascontiguousarray(array, dtype).reshape(-1).view(np.uint8).data)
 
 
 def read_features(path: PathLike) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
@@ -403,7 +404,8 @@ def _motion(raw: Raw, skeleton: Skeleton, fps: float) -> tuple[Poses, NDArray[np
     contacts = np.zeros((len(poses), len(roles)), np.uint8)
     for start, stop in zip(raw.starts, raw.stops, strict=True):
         piece = slice(start, stop)
-        clip = Clip("", skeleton, fps, raw.positions[piece], raw.rotations[piece])
+        positions, rotations = (a[piece].astype(np.float64) for a in (raw.positions, raw.rotations))
+        clip = Clip("", skeleton, fps, positions, rotations)
         poses[piece] = Poses.of_clip(clip)
         contacts[piece] = contact_detection.contacts(clip, roles=roles)
     return poses, contacts, roles
@@ -423,7 +425,7 @@ def _name_ranges(raw: Raw) -> tuple[tuple[str, ...], NDArray[np.bool_]]:
 def _mirrors(raw: Raw, one: slice, other: slice) -> bool:
     """Whether the root of a range repeats another one with x negated, and the feet with sides exchanged."""
     here, there = raw.positions[one, 0], raw.positions[other, 0]
-    if len(here) != len(there) or not np.allclose(there, here * np.float32([-1, 1, 1]), rtol=0, atol=1e-3):
+    if len(here) != len(there) or not np.allclose(there, here * np.array([-1, 1, 1], np.float32), rtol=0, atol=1e-3):
         return False
     if raw.contacts is None:
         return bool(np.ptp(here[:, 0]) > 0.01)

@@ -8,8 +8,9 @@ latent vector each. A controller composes any three stages whose states agree.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol, Self
+from typing import Any, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,7 +75,7 @@ class Stepping(Protocol):
         """A state to begin from, for count characters."""
         ...
 
-    def step(self, state: State) -> None: ...
+    def step(self, state: Any) -> None: ...
 
     def memory(self) -> dict[str, int]: ...
 
@@ -82,7 +83,7 @@ class Stepping(Protocol):
 class Decompression(Protocol):
     """Turns a state into a pose, joint 0 holding the root's motion (see `mm.kernels`)."""
 
-    def decompress(self, state: State, poses: Poses, contacts: NDArray[np.uint8]) -> None:
+    def decompress(self, state: Any, poses: Poses, contacts: NDArray[np.uint8]) -> None:
         """Write the poses [N, J, ..] and contacts [N, C] of state [N]."""
         ...
 
@@ -175,7 +176,7 @@ class FrameStepping:
 class GatherDecompression:
     """Rows of the database's poses."""
 
-    def __init__(self, database: Database, *, gather=kernels.gather) -> None:
+    def __init__(self, database: Database, *, gather: Callable[..., None] = kernels.gather) -> None:
         self._gather = gather
         self._poses = tuple(plain(array) for array in database.poses.arrays().values())
         self._contacts = plain(database.contacts)
@@ -227,7 +228,14 @@ def root_steps(database: Database) -> NDArray[np.float32]:
     return out
 
 
-def classical(database: Database, index: search.Index, *, ignore_radius: int, ignore_end: int, gather) -> Stages:
+def classical(
+    database: Database,
+    index: search.Index,
+    *,
+    ignore_radius: int,
+    ignore_end: int,
+    gather: Callable[..., None],
+) -> Stages:
     """The three classical stages on one database."""
     return Stages(
         SearchProjection(index, ignore_radius=ignore_radius),

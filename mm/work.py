@@ -11,7 +11,8 @@ from typing import Any, TypeVar
 
 from motion.errors import UserError
 
-T, R = TypeVar("T"), TypeVar("R")
+T = TypeVar("T")
+R = TypeVar("R")
 
 
 def _silent(line: str) -> None:

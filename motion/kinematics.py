@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,7 +11,7 @@ from . import kinematics_kernels as kernels
 from . import quat
 from .skeleton import Skeleton
 
-Array = NDArray[np.floating]
+Array = NDArray[Any]  # float32 or float64
 
 
 def forward(skeleton: Skeleton, positions: Array, rotations: Array) -> tuple[Array, Array]:
