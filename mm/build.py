@@ -76,6 +76,10 @@ def build(
     work = Work.of(jobs, note, progress)
     if not 1 <= fps <= 1000:
         raise UserError(f"{fps:g} frames per second", remedy="give a rate between 1 and 1000")
+    if roles_only and skeleton is not None:
+        raise UserError(
+            "a skeleton and roles only exclude each other", remedy="leave --skeleton or --roles-only out"
+        )
     schema = schema if isinstance(schema, Schema) else Schema.load(schema)
     rules = tagging.load(tags) if tags is not None else ()
     if isinstance(roles, str | os.PathLike):

@@ -425,7 +425,9 @@ def _name_ranges(raw: Raw) -> tuple[tuple[str, ...], NDArray[np.bool_]]:
 def _mirrors(raw: Raw, one: slice, other: slice) -> bool:
     """Whether the root of a range repeats another one with x negated, and the feet with sides exchanged."""
     here, there = raw.positions[one, 0], raw.positions[other, 0]
-    if len(here) != len(there) or not np.allclose(there, here * np.array([-1, 1, 1], np.float32), rtol=0, atol=1e-3):
+    if len(here) != len(there) or not np.allclose(
+        there, here * np.array([-1, 1, 1], np.float32), rtol=0, atol=1e-3
+    ):
         return False
     if raw.contacts is None:
         return bool(np.ptp(here[:, 0]) > 0.01)

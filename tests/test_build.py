@@ -231,6 +231,11 @@ def test_other_bone_lengths_are_fitted_to_the_first_clip_s(walker_files: Path, t
         np.testing.assert_allclose(height, 1.1 * synthetic.HIPS, atol=0.01)
 
 
+def test_a_skeleton_and_roles_only_exclude_each_other(walker_files: Path) -> None:
+    with pytest.raises(UserError, match="leave --skeleton or --roles-only out"):
+        build.build(walker_files, skeleton=walker_files / "run.bvh", roles_only=True)
+
+
 def test_flatten_keeps_where_joints_are_and_how_they_move(walker: Clip) -> None:
     grounded = root.ground(walker)
     skeleton, poses = grounded.skeleton, Poses.of_clip(grounded)

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import json
-import shutil
-import signal
+import os
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +15,7 @@ from click.testing import CliRunner, Result
 from mm import summary
 from mm.cli import main
 from mm.database import KIND, VERSION, Database
-from motion import files
+from motion import files, sources
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 
@@ -196,23 +194,20 @@ def test_a_full_disk_leaves_nothing(db: Path, walker_files: Path, tmp_path: Path
         assert [path for path in (tmp_path / arguments[0]).rglob("*") if path.is_file()] == []
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="needs POSIX signals")
-def test_an_interrupt_leaves_nothing(walker_files: Path, tmp_path: Path) -> None:
-    for i in range(60):
-        for source in walker_files.glob("*.bvh"):
-            folder = tmp_path / "clips" / str(i)
-            folder.mkdir(parents=True, exist_ok=True)
-            shutil.copy(source, folder)
-    out = tmp_path / "out" / "db"
-    command = [sys.executable, "-m", "mm", "build", str(tmp_path / "clips"), "-o", str(out)]
-    process = subprocess.Popen(command, cwd=REPOSITORY, stderr=subprocess.PIPE, text=True)
-    time.sleep(2.5)
-    process.send_signal(signal.SIGINT)
-    _, stderr = process.communicate(timeout=60)
-    if process.returncode == 0:
-        pytest.skip("the build was done before it could be interrupted")
-    assert process.returncode == 130 and stderr.strip() == "error: interrupted; nothing half-written was left"
-    assert not out.parent.exists() or list(out.parent.iterdir()) == []
+@pytest.mark.parametrize("moment", ["while reading", "while writing"])
+def test_an_interrupt_leaves_nothing(
+    walker_files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, moment: str
+) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    if moment == "while reading":
+        monkeypatch.setattr(sources, "load", interrupted)
+    else:
+        monkeypatch.setattr(os, "fsync", interrupted)
+    result = _mm("build", walker_files, "-o", tmp_path / "out" / "db")
+    assert result.exit_code == 130 and result.stderr == "error: interrupted; nothing half-written was left\n"
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
 
 
 @pytest.mark.parametrize("command", ["build", "info", "import", "export", "run"])
