@@ -69,6 +69,7 @@ def svg(picture: Any) -> str:
     picture.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
     body = text.getvalue()
     body = body[body.index("<svg") :].replace(INK, "currentColor")
+    body = re.sub(r"<metadata>.*?</metadata>", "", body, count=1, flags=re.DOTALL)
     # Fonts are the page's own, sizes scale with the page.
     body = re.sub(r"font: ([\d.]+px) [^;\"]*", r"font-size: \1", body)
     body = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", body, count=1)
@@ -116,6 +117,7 @@ def over_time(traces: Sequence[Trace], labels: Sequence[str]) -> Any:
         time = np.arange(len(trace.speed)) / trace.fps
         speed.plot(thin(time, 1200), thin(trace.speed, 1200), linewidth=0.9, label=label, alpha=0.9)
         skate.plot(thin(time[1:], 1200), thin(trace.skate, 1200), linewidth=0.9, alpha=0.9)
+    picture.legend(*speed.get_legend_handles_labels(), loc="outside lower left", fontsize=7)
     speed.set_ylabel("speed, m/s")
     skate.set_ylabel("foot skate, cm/s")
     skate.set_xlabel("time, s")
