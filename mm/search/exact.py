@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import tree
-from .lanes import LANES, box_gaps, lowest_bit, near_rows
+from .lanes import LANES, box_gaps, lowest_bit, near_rows, turn
 from .protocol import Exclusions, Request, check, matrix, searchable, tag_bits
 from .rows import admitted, insert, row_cost
 
@@ -108,12 +108,13 @@ def descend(
 
     The arrays up to leaf_tags are those of `tree.Tree`, half floats seen as integers, with frames for places.
     """
-    width, columns, levels = queries.shape[1], axes.shape[1], len(widths)
-    # Relative error of a sum of squares in single precision, ours and brute's.
+    width, columns, levels = queries.shape[1], boxes.shape[1], len(widths)
+    # Bounds of rounding: of a sum of squares, ours and brute's; of a point's coordinates.
     rounding = np.float32(1 + (2 * columns + 8) * 2.0**-24)
-    exact_point, point = np.empty(columns), np.empty(columns, np.float32)
+    blur = (width + 4) * np.sqrt(columns) * 2.0**-24
+    centered, point = np.empty(width, np.float32), np.empty(axes.shape[1], np.float32)
     gaps = np.empty((MOST_LEVELS, LANES), np.float32)
-    waiting = np.empty(MOST_LEVELS, np.int64)  # bits of the children yet to visit
+    left = np.empty(MOST_LEVELS, np.int64)  # bits of the children yet to visit
     node = np.empty(MOST_LEVELS, np.int64)
     first = np.zeros(MOST_LEVELS, np.int64)
     for level in range(1, levels):
@@ -123,38 +124,28 @@ def descend(
     for n in range(start, stop):
         query, current, need, avoid = queries[n], currents[n], required[n], forbidden[n]
         best_frames, best = frames[n], costs[n]
-        exact_point[:] = 0
+        length = np.float32(0)
         for c in range(width):
-            offset = np.float64(query[c]) - mean[c]
-            for d in range(columns):
-                exact_point[d] += offset * axes[c, d]
-        length = 0.0
-        for d in range(columns):
-            point[d] = exact_point[d]
-            length += exact_point[d] * exact_point[d]
-        slack = np.float32(np.sqrt(length) * 2.0**-23)
+            centered[c] = query[c] - mean[c]
+            length += abs(query[c]) + abs(mean[c])
+        turn(centered.ctypes.data, width, axes.ctypes.data, axes.shape[1], point.ctypes.data)
+        slack = np.float32(length * blur)
         reach = np.sqrt(best[-1]) * rounding + slack
 
-        level = -1
-        child = 0
+        level, child = -1, 0
         while True:
-            # Enter a node: level is its parent's.
+            # Enter a node of the next level.
             level += 1
             node[level] = child
-            waiting[level] = box_gaps(
-                boxes.ctypes.data + (first[level] + child) * box_bytes, point.ctypes.data, columns,
-                reach * reach, gaps.ctypes.data + level * LANES * 4,
-            )  # fmt: skip
-            inner = level + 1 < levels
-            # Leave those children that do not exist.
-            present = (widths[level + 1] if inner else len(errors)) - child * LANES
-            if present < LANES:
-                waiting[level] &= (1 << present) - 1
+            near = gaps.ctypes.data + level * LANES * 4
+            box = boxes.ctypes.data + (first[level] + child) * box_bytes
+            below = widths[level + 1] if level + 1 < levels else len(errors)
+            present = (1 << min(LANES, below - child * LANES)) - 1
+            left[level] = present & box_gaps(box, point.ctypes.data, columns, reach * reach, near)
 
+            # Take the nearest child that is left, here or further up.
             while level >= 0:
-                # The nearest child that waits, in this node or further up.
-                nearest, gap = -1, reach * reach
-                bits = waiting[level]
+                nearest, gap, bits = -1, reach * reach, left[level]
                 while bits:
                     lane = lowest_bit(bits)
                     bits &= bits - 1
@@ -163,7 +154,7 @@ def descend(
                 if nearest < 0:
                     level -= 1
                     continue
-                waiting[level] &= ~(1 << nearest)
+                left[level] &= ~(1 << nearest)
                 child = node[level] * LANES + nearest
                 if level + 1 < levels:
                     break
@@ -171,9 +162,8 @@ def descend(
                 if (some & need) != need or (every & avoid) != 0:
                     continue
                 around = reach + errors[child]
-                bits = near_rows(
-                    rows.ctypes.data + child * leaf_bytes, point.ctypes.data, columns, around * around
-                )
+                leaf = rows.ctypes.data + child * leaf_bytes
+                bits = near_rows(leaf, point.ctypes.data, columns, around * around)
                 while bits:
                     frame = places[child * LEAF + lowest_bit(bits)]
                     bits &= bits - 1

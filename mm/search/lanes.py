@@ -10,12 +10,13 @@ from __future__ import annotations
 from typing import Any
 
 from llvmlite import ir
-from numba import types
+from numba import extending, types
 from numba.core import cgutils
-from numba.extending import intrinsic
 
 LANES = 16
 UNROLL = 4
+
+intrinsic: Any = extending.intrinsic  # its type says that calls take the context too
 
 _INT, _LONG, _FLOAT, _HALF = ir.IntType(32), ir.IntType(64), ir.FloatType(), ir.HalfType()
 _FLOATS, _HALVES = ir.VectorType(_FLOAT, LANES), ir.VectorType(_HALF, LANES)
@@ -42,6 +43,18 @@ def _scalar_at(b: Any, address: Any, index: Any) -> Any:
     return b.load(b.gep(b.inttoptr(address, _FLOAT.as_pointer()), [index]))
 
 
+def _floats(b: Any, address: Any, index: Any) -> Any:
+    """Pointer to 16 floats that begin at an index."""
+    at = b.gep(b.inttoptr(address, _FLOAT.as_pointer()), [index])
+    return b.bitcast(at, _FLOATS.as_pointer())
+
+
+def _floats_at(b: Any, address: Any, index: Any) -> Any:
+    load = b.load(_floats(b, address, index))
+    load.align = 4
+    return load
+
+
 def _halves_at(b: Any, address: Any, index: Any) -> Any:
     """16 half floats as floats."""
     load = b.load(b.gep(b.inttoptr(address, _HALVES.as_pointer()), [index]))
@@ -64,10 +77,31 @@ def _below(b: Any, values: Any, limit: Any) -> Any:
 
 
 @intrinsic
-def box_gaps(context, boxes, point, columns, limit, gaps):
-    """Squared distances of a point [columns] to 16 boxes of half floats [columns, 2 (lower, upper), 16].
+def turn(context, vector, width, matrix, columns, product):
+    """Write vector [width] @ matrix [width, columns] to product [columns], all floats; 16 divides columns."""
 
-    Writes them to gaps [16]; returns bits of the boxes that are nearer than limit.
+    def generate(context: Any, b: Any, _signature: Any, arguments: Any) -> Any:
+        vector, width, matrix, columns, product = arguments
+        with cgutils.for_range(b, b.sdiv(columns, _long(LANES))) as block:
+            total = cgutils.alloca_once(b, _FLOATS)
+            b.store(_zeros(), total)
+            first = b.mul(block.index, _long(LANES))
+            with cgutils.for_range(b, width) as loop:
+                row = b.add(b.mul(loop.index, columns), first)
+                values = _floats_at(b, matrix, row)
+                scaled = b.fmul(_splat(b, _scalar_at(b, vector, loop.index)), values, flags=_FAST)
+                b.store(b.fadd(b.load(total), scaled, flags=_FAST), total)
+            b.store(b.load(total), _floats(b, product, first)).align = 4
+        return context.get_dummy_value()
+
+    return types.none(types.intp, types.intp, types.intp, types.intp, types.intp), generate
+
+
+@intrinsic
+def box_gaps(context, boxes, point, columns, limit, gaps):
+    """Write squared distances of a point [columns] to 16 boxes [columns, 2 (lower, upper), 16] to gaps [16].
+
+    Boxes are half floats, point and gaps floats. Returns bits of the boxes that are nearer than limit.
     """
 
     def generate(_context: Any, b: Any, _signature: Any, arguments: Any) -> Any:
@@ -82,7 +116,7 @@ def box_gaps(context, boxes, point, columns, limit, gaps):
                 over = b.fsub(at, _halves_at(b, boxes, b.add(corner, _long(1))), flags=_FAST)
                 _add_square(b, totals[u % 2], _max(b, _max(b, under, over), _zeros()))
         total = b.fadd(b.load(totals[0]), b.load(totals[1]), flags=_FAST)
-        b.store(total, b.inttoptr(gaps, _FLOATS.as_pointer())).align = 4
+        b.store(total, _floats(b, gaps, _long(0))).align = 4
         return _below(b, total, _splat(b, limit))
 
     return types.int64(types.intp, types.intp, types.intp, types.float32, types.intp), generate

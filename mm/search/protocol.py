@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -11,6 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from motion.errors import UserError
+
+from .rows import sound
 
 
 @dataclass(eq=False)
@@ -104,18 +105,18 @@ def check(
             f"query of shape {list(queries.shape)}, expected [N, {width}]",
             remedy="build the query with the schema of the database",
         )
-    # A sum is finite only if all it sums is, and takes a fraction of the time.
-    if not math.isfinite(np.vdot(queries, queries)) and not np.isfinite(queries).all():
-        row, column = np.argwhere(~np.isfinite(queries))[0]
-        raise UserError(
-            f"query {row} is {queries[row, column]} in column {column}", remedy="give it finite numbers"
-        )
     if k < 1:
         raise UserError(f"k is {k}, expected 1 or more")
     count, exclude = len(queries), exclude or Exclusions()
     limits = _column("bound", bound, np.inf, np.float32, count)
-    if math.isnan(np.vdot(limits, limits)):
-        raise UserError("a bound is NaN", remedy="give it a number, or infinity for none")
+    if not sound(queries, limits):
+        wrong = np.argwhere(~np.isfinite(queries))
+        if len(wrong) == 0:
+            raise UserError("a bound is NaN", remedy="give it a number, or infinity for none")
+        row, column = wrong[0]
+        raise UserError(
+            f"query {row} is {queries[row, column]} in column {column}", remedy="give it finite numbers"
+        )
     return Request(
         queries,
         int(k),

@@ -22,8 +22,9 @@ class Tree:
 
     Attributes
     ----------
-    mean : float64 [F].
-    axes : float64 [F, C], principal axes, the widest first; a row's coordinates are (row - mean) @ axes.
+    mean : float32 [F].
+    axes : float32 [F, C rounded up to 16], principal axes, the widest first, and zeros in what is added. A
+        row's coordinates are (row - mean) @ axes.
     widths : int64 [levels], nodes of each level, the root's level first.
     boxes : float16 [nodes of all levels, C, 2, 16], lower and upper corners of each node's children.
     rows : float16 [leaves, C, 32].
@@ -31,8 +32,8 @@ class Tree:
     places : int32 [leaves * 32], which of the given rows each is, -1 for padding.
     """
 
-    mean: NDArray[np.float64]
-    axes: NDArray[np.float64]
+    mean: NDArray[np.float32]
+    axes: NDArray[np.float32]
     widths: NDArray[np.int64]
     boxes: NDArray[np.float16]
     rows: NDArray[np.float16]
@@ -45,8 +46,8 @@ def grow(rows: NDArray[np.float32]) -> Tree:
     count, width = rows.shape
     columns = -(-width // UNROLL) * UNROLL
     mean, axes = principal_axes(rows)
-    axes = np.pad(axes, ((0, 0), (0, columns - width)))
-    points = (rows - mean) @ axes
+    axes = np.pad(axes, ((0, 0), (0, -width % LANES)))
+    points = (rows - mean.astype(np.float64)) @ axes[:, :columns]
     order = balance(points.astype(np.float32))
 
     leaves = max(1, -(-count // LEAF))
@@ -66,7 +67,7 @@ def grow(rows: NDArray[np.float32]) -> Tree:
         levels.insert(0, stack(top[:, :, 0].min(axis=2), top[:, :, 1].max(axis=2)))
     return Tree(
         mean,
-        np.ascontiguousarray(axes),
+        np.ascontiguousarray(axes, np.float32),
         np.array([len(level) for level in levels]),
         np.concatenate(levels),
         np.ascontiguousarray(stored.reshape(leaves, LEAF, columns).transpose(0, 2, 1)),
@@ -75,13 +76,13 @@ def grow(rows: NDArray[np.float32]) -> Tree:
     )
 
 
-def principal_axes(rows: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def principal_axes(rows: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
     """Mean [F] of rows [T, F], and an orthonormal basis [F, F] whose first columns carry most variance."""
     width = rows.shape[1]
     if len(rows) < 2:
-        return np.zeros(width), np.eye(width)
-    mean = rows.mean(axis=0, dtype=np.float64)
-    centered = rows - mean
+        return np.zeros(width, np.float32), np.eye(width)
+    mean = rows.mean(axis=0, dtype=np.float64).astype(np.float32)
+    centered = rows - mean.astype(np.float64)
     _, axes = np.linalg.eigh(centered.T @ centered)
     return mean, axes[:, ::-1]
 
