@@ -72,7 +72,7 @@ def print_table(rows: Sequence[Mapping[str, Any]], title: str | None = None) -> 
     from rich.console import Console
     from rich.table import Table
 
-    width = None if sys.stdout.isatty() else 200
+    width = None if sys.stdout.isatty() else 10_000  # in a file or a pipe a row is a line
     table = Table(title=title, title_justify="left", show_edge=False, pad_edge=False)
     if rows:
         for key, value in rows[0].items():

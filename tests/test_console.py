@@ -147,6 +147,12 @@ def test_a_table_has_the_first_rows_columns_and_every_row(capsys: pytest.Capture
     assert len({len(line) for line in lines[-2:]}) == 1
 
 
+def test_off_a_terminal_a_row_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    row = {"clip": "a/long/path/" * 20} | {f"column_{i}": i for i in range(20)}
+    console.print_table([row])
+    assert row["clip"] in capsys.readouterr().out.splitlines()[-1]
+
+
 def test_an_empty_table_is_no_fault(capsys: pytest.CaptureFixture[str]) -> None:
     console.print_table([], title="Nothing")
     assert "error" not in capsys.readouterr().err
