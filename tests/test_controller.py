@@ -48,7 +48,9 @@ def stack(records: list[dict], name: str) -> np.ndarray:
 def touching(database, records: list[dict]) -> np.ndarray:
     """World positions [T, N, C, 3] of the joints that touch the ground."""
     world, _ = kinematics.forward(
-        database.skeleton, stack(records, "positions").astype(float), stack(records, "rotations").astype(float)
+        database.skeleton,
+        stack(records, "positions").astype(float),
+        stack(records, "rotations").astype(float),
     )
     return world[:, :, [database.skeleton.roles[role] for role in database.contact_roles]]
 
@@ -186,7 +188,10 @@ def test_a_locked_foot_stands_still_on_the_ground(database):
                 assert np.ptp(held, axis=0).max() < 6e-3
     assert checked >= 3
     free = drive(Controller(database, settings=Settings(foot_lock=False)), 300)
-    slide = [np.linalg.norm(np.diff(touching(database, r)[:, 0][..., [0, 2]], axis=0), axis=-1) for r in (records, free)]
+    slide = [
+        np.linalg.norm(np.diff(touching(database, r)[:, 0][..., [0, 2]], axis=0), axis=-1)
+        for r in (records, free)
+    ]
     contact = stack(records, "locked")[1:, 0]
     assert slide[0][contact].mean() < 0.6 * slide[1][contact].mean()
 

@@ -37,13 +37,19 @@ def test_exp_equals_scipy(angle):
     axes = V / np.linalg.norm(V, axis=-1, keepdims=True) * angle
     expected = Rotation.from_rotvec(axes).as_quat(scalar_first=True)
     found = each(quat_scalar.exp, axes)
-    np.testing.assert_allclose(found * np.sign(np.sum(found * expected, -1, keepdims=True)), expected, atol=1e-13)
+    np.testing.assert_allclose(
+        found * np.sign(np.sum(found * expected, -1, keepdims=True)), expected, atol=1e-13
+    )
 
 
 def test_log_is_the_inverse_of_exp():
     short = V / np.linalg.norm(V, axis=-1, keepdims=True) * rng.uniform(0, np.pi - 1e-3, (50, 1))
-    np.testing.assert_allclose(each(quat_scalar.log_shortest, each(quat_scalar.exp, short)), short, atol=1e-12)
-    np.testing.assert_allclose(each(quat_scalar.log_shortest, -each(quat_scalar.exp, short)), short, atol=1e-12)
+    np.testing.assert_allclose(
+        each(quat_scalar.log_shortest, each(quat_scalar.exp, short)), short, atol=1e-12
+    )
+    np.testing.assert_allclose(
+        each(quat_scalar.log_shortest, -each(quat_scalar.exp, short)), short, atol=1e-12
+    )
 
 
 @pytest.mark.parametrize("u", np.eye(3))
