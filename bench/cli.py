@@ -49,7 +49,7 @@ def _build_options(command: Any) -> Any:
         (
             click.option("--fps", type=float, default=60.0, show_default=True, help="Frames per second."),
             click.option(
-                "--schema", default="lmm27", show_default=True, metavar="NAME|FILE", help="Features."
+                "--schema", default="mm27", show_default=True, metavar="NAME|FILE", help="Features."
             ),
             click.option(
                 "--skeleton", type=click.Path(), metavar="FILE", help="Only clips of this skeleton."

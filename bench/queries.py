@@ -1,7 +1,9 @@
-"""The searches that a controller really makes: recorded while a random user drives it."""
+"""The searches that a controller really makes while a user drives it, and how the indexes do on them."""
 
 from __future__ import annotations
 
+import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,10 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mm import course as courses
-from mm.controller import Controller
+from mm import search
+from mm.controller import Controller, build_index
 from mm.database import Database
 from mm.settings import Settings
+from motion.errors import UserError
 
+from . import timing
 from .driving import Clock, at_data_speeds, drive
 
 CHARACTERS = 8
@@ -63,3 +68,80 @@ def record(database: Database, count: int = 1000, *, index: str = "exact", cours
         next(steps)
     features, current, bound = (np.concatenate(part)[:count] for part in zip(*listener.asked, strict=True))
     return Queries(features, current, bound, round(settings.ignore_radius * database.fps))
+
+
+def table(
+    database: Database,
+    *,
+    count: int = 1000,
+    indexes: Sequence[str] | None = None,
+    k: int = 1,
+    repeats: int = 3,
+) -> list[dict[str, Any]]:
+    """A row an index: recall, cost_regret, median_us, p99_us, build_s, bytes, on recorded queries.
+
+    Recall is the share of queries whose k costs equal those of brute force (relative 1e-5, so that ties
+    count), cost regret the mean of cost / best cost - 1 (REFERENCE 6); where no frame beats playing on, its
+    cost is what playing on costs. Each query is searched alone, with the bound and the exclusions that the
+    controller gave, by one pinned thread; of each query the least of repeats passes counts.
+    """
+    known = search.names()
+    for name in indexes or ():
+        if name not in known:
+            raise UserError(f"no search index {name!r}", remedy=f"choose from {', '.join(known)}")
+    settings = Settings()
+    queries = record(database, count)
+    truth = _search(build_index(database, "brute", settings), queries, k)
+    rows = []
+    for name in indexes or known:
+        start = time.perf_counter()
+        try:
+            index = build_index(database, name, settings)
+        except UserError:
+            if indexes:
+                raise
+            continue
+        build_s = time.perf_counter() - start
+        found = _search(index, queries, k)
+        micro = 1e6 * _seconds(index, queries, k, repeats)
+        # Infinite where a clip ended and nothing may follow: equal for all, no regret.
+        known_best = np.isfinite(truth) & (truth > 0)
+        same = np.isclose(found, truth, rtol=1e-5, atol=0) | (found == truth)
+        rows.append(
+            {
+                "index": name,
+                "recall": float(same.all(axis=1).mean()),
+                "cost_regret": float((found[known_best] / truth[known_best] - 1).mean()),
+                "median_us": float(np.median(micro)),
+                "p99_us": float(np.percentile(micro, 99)),
+                "build_s": build_s,
+                "bytes": int(index.nbytes),
+            }
+        )
+    return rows
+
+
+def _search(index: search.Index, queries: Queries, k: int) -> NDArray[np.float64]:
+    """Costs [M, k] of all queries at once."""
+    exclude = search.Exclusions(current=queries.current, radius=queries.radius)
+    return index.search(queries.features, k=k, bound=queries.bound, exclude=exclude)[1].astype(np.float64)
+
+
+def _seconds(index: search.Index, queries: Queries, k: int, repeats: int) -> NDArray[np.float64]:
+    """Seconds [M] of each query alone, the least of several passes after one that does not count."""
+    alone = [
+        (
+            queries.features[i : i + 1],
+            queries.bound[i : i + 1],
+            search.Exclusions(current=queries.current[i : i + 1], radius=queries.radius),
+        )
+        for i in range(len(queries))
+    ]
+    times = np.zeros((repeats + 1, len(alone)))
+    with timing.single_thread():
+        for row in times:
+            for i, (features, bound, exclude) in enumerate(alone):
+                start = time.perf_counter()
+                index.search(features, k=k, bound=bound, exclude=exclude)
+                row[i] = time.perf_counter() - start
+    return times[1:].min(axis=0)
