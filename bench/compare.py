@@ -97,6 +97,7 @@ def compare(
             f"course speeds are scaled to the data: the fastest walk to {walk:.2f} m/s, "
             f"the fastest run to {run:.2f} m/s"
         )
+    notes += [f"the obstacles of course {c.name} are left out" for c in played if c.circles or c.boxes]
     feet = quality.Feet.of(database)
     rows, traces = [], []
     costs: dict[str, list[timing.Cost]] = {}
