@@ -27,7 +27,7 @@ HALF_BYTES = 2
 
 
 class Exact:
-    """Exact. `nbytes` counts the tree: rows as half floats, boxes, frames and tags of the leaves.
+    """Exact. `nbytes` counts the tree: rows as half floats, boxes, frames and tags of the rows.
 
     Options: threads, among which a batch of queries is divided.
     """
@@ -47,14 +47,15 @@ class Exact:
         threads: int = 1,
     ) -> None:
         self.features = matrix(features)
-        self.tags = tag_bits(tags, len(self.features))
+        bits = tag_bits(tags, len(self.features))
         frames = searchable(len(self.features), starts, stops, ignore_end)
         grown = tree.grow(self.features[frames])
-        self.frames = np.where(grown.places < 0, np.int32(-1), np.append(frames, np.int32(-1))[grown.places])
-        self.leaf_tags = summarise(self.tags, self.frames)
+        places = np.where(grown.places < 0, len(frames), grown.places)
+        leaf_frames = np.append(frames, np.int32(-1))[places]
+        leaf_tags = np.append(bits[frames], np.uint32(0))[places]
         self.tree = (
-            grown.mean, grown.axes, grown.widths, grown.boxes.view(np.uint16), grown.rows.view(np.uint16),
-            grown.errors, self.frames, self.leaf_tags,
+            grown.mean, grown.axes, grown.boxes.view(np.uint16), grown.rows.view(np.uint16), grown.errors,
+            leaf_frames, leaf_tags,
         )  # fmt: skip
         self.nbytes = sum(part.nbytes for part in self.tree)
         self.pool = ThreadPoolExecutor(threads) if threads > 1 else None
@@ -85,40 +86,40 @@ class Exact:
 
     def _descend(self, ask: Request, frames: NDArray, costs: NDArray, start: int, stop: int) -> None:
         descend(
-            *self.tree, self.features, self.tags, ask.queries, ask.current, ask.radius, ask.required,
+            *self.tree, self.features, ask.queries, ask.current, ask.radius, ask.required,
             ask.forbidden, frames, costs, start, stop,
         )  # fmt: skip
 
 
-def summarise(tags: NDArray[np.uint32], frames: NDArray[np.int32]) -> NDArray[np.uint32]:
-    """Tags that any frame of each leaf bears, and tags that all of them bear, uint32 [leaves, 2]."""
-    present = (frames >= 0).reshape(-1, LEAF)
-    bits = tags[np.maximum(frames, 0)].reshape(-1, LEAF) if len(tags) else np.zeros(present.shape, np.uint32)
-    some = np.bitwise_or.reduce(np.where(present, bits, np.uint32(0)), axis=1)
-    every = np.bitwise_and.reduce(np.where(present, bits, np.uint32(0xFFFFFFFF)), axis=1)
-    return np.stack([some, every], axis=1)
+@numba.njit(cache=True, nogil=True, inline="always")
+def any_tagged(tags, required, forbidden):
+    """Whether any of the tags [n] has all that is required and none that is forbidden."""
+    found = False
+    for tag in tags:
+        found |= (tag & required) == required and (tag & forbidden) == 0
+    return found
 
 
 @numba.njit(cache=True, nogil=True)
 def descend(
-    mean, axes, widths, boxes, rows, errors, places, leaf_tags, features, tags,
+    mean, axes, boxes, rows, errors, leaf_frames, leaf_tags, features,
     queries, currents, radius, required, forbidden, frames, costs, start, stop,
 ):  # fmt: skip
     """Update the k best frames [N, k] and costs [N, k] of the queries [N, F] from start to stop.
 
-    The arrays up to leaf_tags are those of `tree.Tree`, half floats seen as integers, with frames for places.
+    The arrays up to errors are those of `tree.Tree`, half floats seen as integers; then each leaf's frames
+    (-1 for padding) and tags, [leaves, 32].
     """
-    width, columns, levels = queries.shape[1], boxes.shape[1], len(widths)
+    width, columns, leaves = queries.shape[1], boxes.shape[1], len(rows)
     # Bounds of rounding: of a sum of squares, ours and brute's; of a point's coordinates.
     rounding = np.float32(1 + (2 * columns + 8) * 2.0**-24)
     blur = (width + 4) * np.sqrt(columns) * 2.0**-24
     centered, point = np.empty(width, np.float32), np.empty(axes.shape[1], np.float32)
     gaps = np.empty((MOST_LEVELS, LANES), np.float32)
-    left = np.empty(MOST_LEVELS, np.int64)  # bits of the children yet to visit
-    node = np.empty(MOST_LEVELS, np.int64)
-    first = np.zeros(MOST_LEVELS, np.int64)
-    for level in range(1, levels):
-        first[level] = first[level - 1] + widths[level - 1]
+    # By level: its number of nodes, the first one's place in boxes, the node we are in, bits of its children
+    # yet to visit.
+    widths, first, node, left = np.empty((4, MOST_LEVELS), np.int64)
+    levels = count_nodes(leaves, widths, first)
     box_bytes, leaf_bytes = columns * 2 * LANES * HALF_BYTES, columns * LEAF * HALF_BYTES
 
     for n in range(start, stop):
@@ -139,7 +140,7 @@ def descend(
             node[level] = child
             near = gaps.ctypes.data + level * LANES * 4
             box = boxes.ctypes.data + (first[level] + child) * box_bytes
-            below = widths[level + 1] if level + 1 < levels else len(errors)
+            below = widths[level + 1] if level + 1 < levels else leaves
             present = (1 << min(LANES, below - child * LANES)) - 1
             left[level] = present & box_gaps(box, point.ctypes.data, columns, reach * reach, near)
 
@@ -158,19 +159,35 @@ def descend(
                 child = node[level] * LANES + nearest
                 if level + 1 < levels:
                     break
-                some, every = leaf_tags[child, 0], leaf_tags[child, 1]
-                if (some & need) != need or (every & avoid) != 0:
+                if (need | avoid) != 0 and not any_tagged(leaf_tags[child], need, avoid):
                     continue
                 around = reach + errors[child]
                 leaf = rows.ctypes.data + child * leaf_bytes
                 bits = near_rows(leaf, point.ctypes.data, columns, around * around)
                 while bits:
-                    frame = places[child * LEAF + lowest_bit(bits)]
+                    row = lowest_bit(bits)
                     bits &= bits - 1
-                    if frame >= 0 and admitted(frame, current, radius, tags[frame], need, avoid):
+                    frame, tag = leaf_frames[child, row], leaf_tags[child, row]
+                    if frame >= 0 and admitted(frame, current, radius, tag, need, avoid):
                         cost = row_cost(query, features[frame])
                         if cost < best[-1]:
                             insert(best_frames, best, frame, cost)
                             reach = np.sqrt(best[-1]) * rounding + slack
             else:
                 break
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def count_nodes(leaves, widths, first):
+    """Fill in each level's number of nodes and where its first one stands, root first; returns the levels."""
+    levels, nodes = 1, (leaves + LANES - 1) // LANES
+    while nodes > 1:
+        levels, nodes = levels + 1, (nodes + LANES - 1) // LANES
+    below = leaves
+    for level in range(levels - 1, -1, -1):
+        below = (below + LANES - 1) // LANES
+        widths[level] = below
+    first[0] = 0
+    for level in range(1, levels):
+        first[level] = first[level - 1] + widths[level - 1]
+    return levels

@@ -132,8 +132,8 @@ def _column(name: str, values: ArrayLike | None, default: float, dtype: type, co
     """values, or one for all, as [count]."""
     if values is None:
         return _filled(count, default, dtype)
-    if isinstance(values, np.ndarray) and values.dtype == dtype and values.shape == (count,):
-        return np.ascontiguousarray(values)
+    if type(values) is np.ndarray and values.dtype.type is dtype and values.shape == (count,):
+        return values if values.flags.c_contiguous else np.ascontiguousarray(values)
     array: NDArray = np.asarray(values, dtype)
     if array.shape not in ((), (1,), (count,)):
         raise UserError(f"{name} of shape {list(array.shape)}, expected [{count}]")
