@@ -200,6 +200,7 @@ def _assemble(
     contact_roles = parts.contact_roles(skeleton)
     poses = Poses.empty(int(stops[-1]), len(skeleton))
     contacts = np.zeros((len(poses), len(contact_roles)), np.uint8)
+    plans = mirroring.plans(clips) if mirror else []
 
     def store(i: int) -> None:
         clip, clips[i] = clips[i], None  # type: ignore[call-overload]
@@ -207,7 +208,7 @@ def _assemble(
         for copy in range(copies):
             piece = slice(starts[copies * i + copy], stops[copies * i + copy])
             if copy:
-                clip = mirroring.mirror(clip)
+                clip = mirroring.mirror(clip, plans[i])
                 touching = touching[:, [contact_roles.index(role_maps.opposite(r)) for r in contact_roles]]
             contacts[piece] = touching
             found = Poses.of_clip(clip)

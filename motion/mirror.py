@@ -3,24 +3,27 @@
 A mirrored joint takes its twin's transform, seen through the mirror. With M = diag(-1, 1, 1) and G world
 rotations, G'_j = M G_twin(j) D_j, where the reflection D_j maps the joint's local frame to its twin's. In
 rigs whose frames lie along the world's axes D is M itself; in rigs whose bones all lie along one local axis
-it flips another axis. It is found from the bones: D_j maps each bone to the twin's. In local terms
+it flips another axis. In local terms
 
-    L'_j = D_p^T L_twin(j) D_j,   x'_j = D_p^T x_twin(j),   p the parent of j,
+    L'_j = D_p^T L_twin(j) D_j,   x'_j = D_p^T x_twin(j),   p the parent of j.
 
-so no forward kinematics is needed.
+Any D gives the right positions. It is found from the bones, which it should map to the twin's, and from the
+motion, as the bones leave choices (a straight one fits two flips): a mirrored joint should turn about where
+the joint itself does, or else a blend from the one to the other goes through half a turn. So D_j should be
+close to the mean over frames of L_twin^T D_p L_j, here called the joint's moment.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache
 from typing import NamedTuple
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from . import quat, quat_scalar, root
+from . import kinematics, quat, quat_scalar, root
 from .clip import Clip
 from .errors import UserError
 from .roles import opposite, side_and_rest
@@ -31,47 +34,66 @@ _INVERSION = -np.eye(3)
 _M = _FLIPS[0]
 # Bones may differ between the sides by this share of their length (people are not symmetric).
 _TOLERANCE = 0.2
+# A share by which bones are missed weighs as much as this in the product of a choice and the moment, which
+# goes from -1 to 3. End sites often are only stubs that a converter made up.
+_BONES_WEIGH, _ENDS_WEIGH = 10.0, 1.0
+_SAMPLE = 2000  # frames, over all clips: only means are taken of them
 
 
-def mirror(clip: Clip) -> Clip:
+class Plan(NamedTuple):
+    """How the joints of a skeleton are mirrored: see the formulas above."""
+
+    twins: NDArray[np.int64]
+    matched: NDArray[np.bool_]
+    frames: NDArray[np.float64]
+    frame_above: NDArray[np.float64]
+    turn_above: NDArray[np.floating]
+    turn: NDArray[np.floating]
+
+
+def mirror(clip: Clip, plan: Plan | None = None) -> Clip:
     """The clip with left and right exchanged, reflected across the plane x = 0.
 
     World positions are exactly those of the reflection, so an asymmetric person's bones change sides too,
     also in the skeleton returned. Joints without a twin on the other side keep their local transforms. A
-    skeleton of which no joint has a twin is a UserError.
+    skeleton of which no joint has a twin is a UserError. Clips that are used together need one `plan`, made
+    of all of them (see `plans`); the default is made of this clip alone.
     """
-    plan = _plan(clip.skeleton)
+    plan = plans([clip])[0] if plan is None else plan
     positions, rotations = np.empty_like(clip.positions), np.empty_like(clip.rotations)
     _reflect(
         *(clip.positions, clip.rotations, plan.twins, plan.matched),
         *(plan.frame_above, plan.turn_above, plan.turn, positions, rotations),
     )
-    return clip.replace(skeleton=plan.skeleton, positions=positions, rotations=rotations)
+    return clip.replace(
+        skeleton=_mirror_skeleton(clip.skeleton, plan), positions=positions, rotations=rotations
+    )
 
 
-class _Plan(NamedTuple):
-    """What mirroring needs to know of a skeleton: see the formulas above."""
+def plans(clips: Sequence[Clip]) -> list[Plan]:
+    """A plan for each clip; clips of the same joints and roles share one, made of some frames of them all."""
+    groups: dict[tuple, list[Clip]] = {}
+    keys = [
+        (clip.skeleton.names, clip.skeleton.parents.tobytes(), tuple(clip.skeleton.roles.items()))
+        for clip in clips
+    ]
+    for key, clip in zip(keys, clips, strict=True):
+        groups.setdefault(key, []).append(clip)
+    made = {key: _plan(group) for key, group in groups.items()}
+    return [made[key] for key in keys]
 
-    twins: NDArray[np.int64]
-    matched: NDArray[np.bool_]
-    frame_above: NDArray[np.float64]
-    turn_above: NDArray[np.floating]
-    turn: NDArray[np.floating]
-    skeleton: Skeleton
 
-
-@lru_cache(maxsize=16)  # a database's clips share their skeleton
-def _plan(skeleton: Skeleton) -> _Plan:
+def _plan(clips: Sequence[Clip]) -> Plan:
+    skeleton = clips[0].skeleton
     twins = pairs(skeleton)
-    frames = _frames(skeleton, twins)
+    matched = _matched(skeleton, twins)
+    frames = _frames(clips, twins)
     # A reflection D acts on a rotation as the rotation -D does: the signs of a pair cancel.
     turn = quat.from_matrix(-frames)
     above = np.maximum(skeleton.parents, 0)
     frame_above, turn_above = frames[above].transpose(0, 2, 1).copy(), quat.inv(turn[above])
     frame_above[0], turn_above[0] = _M, quat.from_matrix(-_M)
-    matched = _matched(skeleton, twins)
-    mirrored = _mirror_skeleton(skeleton, twins, matched, frame_above, frames)
-    return _Plan(twins, matched, frame_above, turn_above, turn, mirrored)
+    return Plan(twins, matched, frames, frame_above, turn_above, turn)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -94,22 +116,17 @@ def _reflect(positions, rotations, twins, matched, frame_above, turn_above, turn
                 out_rot[t, j, i] = q[i]
 
 
-def _mirror_skeleton(
-    skeleton: Skeleton,
-    twins: NDArray[np.int64],
-    matched: NDArray[np.bool_],
-    frame_above: NDArray[np.float64],
-    frames: NDArray[np.float64],
-) -> Skeleton:
+def _mirror_skeleton(skeleton: Skeleton, plan: Plan) -> Skeleton:
     """The skeleton with mirrored bones; the same object where it is symmetric."""
-    offsets = np.einsum("jab,jb->ja", frame_above, skeleton.offsets[twins])
+    twins, matched = plan.twins, plan.matched
+    offsets = np.einsum("jab,jb->ja", plan.frame_above, skeleton.offsets[twins])
     offsets = np.where(matched[:, None], offsets, skeleton.offsets)
     if np.allclose(offsets, skeleton.offsets, rtol=0, atol=1e-5):
         return skeleton
     ends = dict(skeleton.end_sites)
     for j in ends:
         if matched[j] and int(twins[j]) in skeleton.end_sites:
-            ends[j] = frames[j].T @ skeleton.end_sites[int(twins[j])]
+            ends[j] = plan.frames[j].T @ skeleton.end_sites[int(twins[j])]
     return replace(skeleton, offsets=offsets, end_sites=ends)
 
 
@@ -165,37 +182,72 @@ def _matched(skeleton: Skeleton, twins: NDArray[np.int64]) -> NDArray[np.bool_]:
     return matched
 
 
-def _frames(skeleton: Skeleton, twins: NDArray[np.int64]) -> NDArray[np.float64]:
+def _frames(clips: Sequence[Clip], twins: NDArray[np.int64]) -> NDArray[np.float64]:
     """The reflections D [J, 3, 3]; D of a joint is the transpose of its twin's.
 
-    One flip of an axis serves nearly every rig as a whole. Elsewhere each joint takes the flip, or on the
-    sides the inversion, that maps its bones best; what its bones leave open it takes from its parent.
+    A joint takes the flip of an axis, or on the sides the inversion, that fits its bones and its moment best.
+    Where none maps the bones, as in rigs whose frames are no mirror images, it takes the best of all
+    reflections.
     """
+    skeleton = clips[0].skeleton
     owner, bones, twin_bones = _bones(skeleton, twins)
-    inner = owner > 0
-    fits = [_misfit(d, bones[inner], twin_bones[inner]) for d in _FLIPS]
-    usual = _FLIPS[int(np.argmin(fits))]
-    frames = np.tile(usual, (len(skeleton), 1, 1))
-    if skeleton.roles.get("root") == 0 and skeleton.names[0] == root.NAME:
-        frames[0] = _M  # our own ground root faces +Z
-    else:
-        first = [_misfit(d, bones[~inner], twin_bones[~inner]) for d in (usual, *_FLIPS)]
-        frames[0] = (usual, *_FLIPS)[int(np.argmin(np.array(first) > min(first) + 0.02))]
-    if min(fits) <= _TOLERANCE:
-        return frames
-    for j in range(1, len(skeleton)):
+    inner = np.isin(np.arange(len(skeleton)), skeleton.parents)
+    local = _sample(clips)
+    frames = np.tile(_M, (len(skeleton), 1, 1))  # our own ground root faces +Z
+    for j in range(len(skeleton)):
         k, mine = int(twins[j]), owner == j
         if k < j:
             frames[j] = frames[k].T
             continue
-        above = frames[skeleton.parents[j]] if skeleton.parents[j] > 0 else usual
-        choices = [above, usual, *_FLIPS, _INVERSION] if k != j else [usual, *_FLIPS]
+        if j > 0:
+            moment = _moment(local[:, k], frames[skeleton.parents[j]], local[:, j])
+        elif skeleton.roles.get("root") == 0 and skeleton.names[0] == root.NAME:
+            continue
+        else:
+            moment = _moment(local[:, 0], _planes(clips, twins), local[:, 0])
+        choices = [*_FLIPS, _INVERSION] if k != j else [*_FLIPS]
         misfits = np.array([_misfit(d, bones[mine], twin_bones[mine]) for d in choices])
-        best = int(np.argmin(misfits > misfits.min() + 0.02))
+        weight = _BONES_WEIGH if inner[j] else _ENDS_WEIGH
+        best = int(np.argmax(np.sum(choices * moment, axis=(1, 2)) - weight * misfits))
         frames[j] = choices[best]
-        if k != j and misfits[best] > _TOLERANCE:
-            frames[j] = _align(choices[best], bones[mine], twin_bones[mine])
+        if inner[j] and misfits[best] > _TOLERANCE:
+            frames[j] = _align(moment, bones[mine], twin_bones[mine], middle=k == j)
     return frames
+
+
+def _sample(clips: Sequence[Clip]) -> NDArray[np.float64]:
+    """Local rotations [S, J, 3, 3] at some frames of each clip."""
+    step = _step(clips)
+    return quat.to_matrix(np.concatenate([clip.rotations[::step] for clip in clips]))
+
+
+def _step(clips: Sequence[Clip]) -> int:
+    return max(1, sum(map(len, clips)) // _SAMPLE)
+
+
+def _moment(twin: NDArray, above: NDArray, own: NDArray) -> NDArray[np.float64]:
+    """Mean over frames of L_twin^T D_p L_j; D_p [3, 3] or [S, 3, 3]."""
+    return (twin.transpose(0, 2, 1) @ above @ own).mean(axis=0)
+
+
+def _planes(clips: Sequence[Clip], twins: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Reflections [S, 3, 3] in the body's own plane at the frames of `_sample`, for joint 0 moves anywhere.
+
+    They are across the mean direction between twins that hang from the middle.
+    """
+    skeleton = clips[0].skeleton
+    parents, joints, step = skeleton.parents, np.arange(len(skeleton)), _step(clips)
+    a = [j for j in joints[1:] if twins[j] > j and parents[j] == twins[parents[j]]]
+    a = a or [j for j in joints if twins[j] > j]
+    positions = np.concatenate([clip.positions[::step] for clip in clips])
+    rotations = np.concatenate([clip.rotations[::step] for clip in clips])
+    world, _ = kinematics.forward(skeleton, positions, rotations)
+    across = world[:, a] - world[:, twins[a]]
+    across *= np.where(np.sum(across * across[:, :1], axis=-1, keepdims=True) < 0, -1, 1)
+    normal = across.sum(axis=1)
+    size = np.linalg.norm(normal, axis=-1, keepdims=True)
+    normal = np.where(size > 1e-9, normal / np.maximum(size, 1e-9), [1.0, 0.0, 0.0])
+    return np.eye(3) - 2 * normal[:, :, None] * normal[:, None, :]
 
 
 def _bones(
@@ -218,9 +270,15 @@ def _misfit(d: NDArray[np.float64], bones: NDArray[np.float64], twins: NDArray[n
 
 
 def _align(
-    prior: NDArray[np.float64], bones: NDArray[np.float64], twins: NDArray[np.float64]
+    moment: NDArray[np.float64], bones: NDArray[np.float64], twins: NDArray[np.float64], *, middle: bool
 ) -> NDArray[np.float64]:
-    """The reflection that best maps bones to their twins (Kabsch); what they leave free is the prior's."""
-    moment = twins.T @ bones + 0.05 * float((bones**2).sum()) * prior
-    u, _, v = np.linalg.svd(moment)
+    """The reflection that best maps bones to their twins and agrees with a joint's moment (Kabsch).
+
+    A joint of the middle is its own twin, so its reflection must be its own inverse: one in a plane.
+    """
+    total = twins.T @ bones / max(float((bones**2).sum()), 1e-12) + 0.1 * moment
+    if middle:
+        normal = np.linalg.eigh(total + total.T)[1][:, 0]
+        return np.eye(3) - 2 * np.outer(normal, normal)
+    u, _, v = np.linalg.svd(total)
     return u @ np.diag([1.0, 1.0, -np.linalg.det(u @ v)]) @ v

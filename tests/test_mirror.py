@@ -68,6 +68,56 @@ def test_resembles_the_mirrored_twin_of_an_asymmetric_person(data):
     assert distance.mean() < 0.006 and distance.max() < 0.03
 
 
+def difference(clips, mirrored):
+    """Angle [J] (degrees) between the mean local rotations of clips and of their mirrored copies."""
+    means = []
+    for group in (clips, mirrored):
+        moment = sum(np.einsum("tji,tjk->jik", clip.rotations, clip.rotations) for clip in group)
+        means.append(np.linalg.eigh(moment)[1][:, :, -1])
+    return np.degrees(quat.angle_between(*means))
+
+
+COLLECTIONS = {
+    "bandai/dataset-1": 8,
+    "bandai/dataset-2": 8,
+    "dog_mann": 8,
+    "lafan1/locomotion_60fps": 6,
+    "cmu/asfamc": 6,
+    "cmu/daz_bvh": 6,
+}
+
+
+@pytest.mark.parametrize("folder", COLLECTIONS)
+def test_mirrored_joints_turn_about_where_they_did(data, folder):
+    """Blends between clips and mirrored copies do not turn joints over."""
+    files = sources.find(data / folder)
+    clips = [root.ground(sources.load(file)) for file in files[:: len(files) // COLLECTIONS[folder]]]
+    plans = mirror.plans(clips)
+    assert all(plan is plans[0] for plan in plans)
+    apart = difference(clips, [mirror.mirror(*pair) for pair in zip(clips, plans, strict=True)])[1:]
+    assert apart.max() < 45, clips[0].skeleton.names[1 + int(apart.argmax())]
+    for clip in clips:  # a plan of its own, of few frames, turns no joint over either
+        assert difference([clip], [mirror.mirror(clip)])[1:].max() < 100
+
+
+def test_clips_of_the_same_joints_share_a_plan(walker, walker_clips):
+    bare = walker.replace(skeleton=walker.skeleton.with_roles({"hips": 0}))
+    taller = walker.replace(
+        skeleton=dataclasses.replace(walker.skeleton, offsets=1.1 * walker.skeleton.offsets)
+    )
+    plans = mirror.plans([walker, bare, walker_clips[0], taller])
+    assert plans[0] is plans[2] is plans[3] and plans[0] is not plans[1]
+    assert mirror.plans([]) == []
+
+
+def test_a_stub_of_an_end_site_does_not_turn_a_joint_over(walker):
+    skeleton = walker.skeleton
+    hands = [skeleton.index(f"{side}Hand") for side in ("Left", "Right")]
+    ends = {**skeleton.end_sites, **dict.fromkeys(hands, np.array([0.01, 0.0, 0.0]))}
+    clip = walker.replace(skeleton=dataclasses.replace(skeleton, end_sites=ends))
+    assert difference([clip], [mirror.mirror(clip)])[hands].max() < 1
+
+
 def test_the_walker(walker):
     mirrored = check_reflection(walker)
     assert mirrored.skeleton is walker.skeleton
@@ -105,6 +155,11 @@ def test_rigs_whose_frames_are_no_mirror_images(walker):
         twins = mirror.pairs(clip.skeleton)
         mirrored = mirror.mirror(clip)
         np.testing.assert_allclose(world(mirrored)[0], world(clip)[0][:, twins] * FLIP, atol=1e-6)
+        inner = np.isin(np.arange(len(skeleton)), skeleton.parents)
+        apart = difference([root.ground(clip)], [mirror.mirror(root.ground(clip))])[1:]
+        assert apart[inner].max() < 10
+        again = mirror.mirror(mirrored)
+        assert quat.angle_between(again.rotations, clip.rotations).max() < 1e-6
 
 
 def test_a_joint_without_twin_keeps_its_place_in_its_parent(walker):
