@@ -47,7 +47,7 @@ def measure(
     for count in console.progress(counts, label="crowd", unit="counts") if progress else counts:
         with_search, without = (
             _cost(Controller(database, count=count, settings=chosen, index=shared), course, frames, repeats)
-            for chosen in (settings, Settings(search_interval=NEVER, forced_search_rate=NEVER))
+            for chosen in (settings, Settings(search_interval=NEVER, forced_search_change=NEVER))
         )
         each = 1e6 / count
         rows.append(

@@ -80,9 +80,13 @@ def _o3de59() -> Schema:
     )
 
 
-def _short27() -> Schema:
-    """The same 27 numbers for collections of short clips: trajectories go on where a clip ends."""
-    return _lmm27("short27", "continue")
+def _mm27() -> Schema:
+    """The same 27 numbers, but trajectories go on where a clip ends.
+
+    Clamped ones tell of a stop that is none: a character that should stand then walks on the spot at the end
+    of some clip, and short clips of steady motion are never found by their speed.
+    """
+    return _lmm27("mm27", "continue")
 
 
-_BUILDERS = {"lmm27": _lmm27, "short27": _short27, "o3de59": _o3de59}
+_BUILDERS = {"mm27": _mm27, "lmm27": _lmm27, "o3de59": _o3de59}

@@ -13,11 +13,13 @@ CHARACTER = np.dtype(
         ("acceleration", np.float32, 2),
         ("yaw", np.float32),
         ("yaw_rate", np.float32),
-        # The last command, and how fast it was changing then.
+        # The last command, and by how much it changed then.
         ("desired_velocity", np.float32, 2),
         ("desired_yaw", np.float32),
         ("velocity_change", np.float32),
         ("yaw_change", np.float32),
+        ("required_tags", np.uint32),
+        ("forbidden_tags", np.uint32),
         # Seconds until the next search is due, and until one may be forced again.
         ("until_search", np.float32),
         ("until_forced", np.float32),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,13 +25,19 @@ def main() -> None:
     pass
 
 
-SCHEMA = click.option(
-    "--schema",
-    default="lmm27",
-    show_default=True,
-    metavar="NAME|FILE",
-    help="Features of a frame: lmm27, o3de59 or a TOML file.",
-)
+
+
+def schema_option(default: str) -> Callable[[Any], Any]:
+    """``--schema`` with this default."""
+    return click.option(
+        "--schema",
+        default=default,
+        show_default=True,
+        metavar="NAME|FILE",
+        help="Features of a frame: one of `python -m features list`, or a TOML file.",
+    )
+
+
 ROLES = click.option(
     "--roles", type=click.Path(), metavar="FILE", help="TOML file: which joint plays which role."
 )
@@ -42,7 +49,7 @@ OUTPUT = click.option(
 @main.command(epilog="Example: python -m mm build clips/walk clips/run -o walk.mmdb --tags tags.csv")
 @click.argument("sources", nargs=-1, required=True, type=click.Path())
 @OUTPUT
-@SCHEMA
+@schema_option("mm27")
 @click.option("--fps", type=float, default=60.0, show_default=True, help="Frames per second of the database.")
 @click.option(
     "--mirror/--no-mirror", default=True, show_default=True, help="Add a mirrored copy of every clip."
@@ -98,7 +105,7 @@ def info(db: str, as_json: bool) -> None:
 @main.command("import", epilog="Example: python -m mm import reference/resources -o reference.mmdb")
 @click.argument("directory", type=click.Path())
 @OUTPUT
-@SCHEMA
+@schema_option("lmm27")
 @ROLES
 @click.option(
     "--names", type=click.Path(), metavar="FILE", help="Text file with the joints' names, one a line."

@@ -96,12 +96,12 @@ class Controller:
         self._future_times = layout.times[future].astype(np.float32)
         self._future_slots = np.flatnonzero(future)
         self._past_slots = np.flatnonzero(past)
-        self._past_frames = np.round(-layout.times[past] * database.fps).astype(np.int64)
+        self._past_frames = -layout.times[past] * database.fps
         self._present_slots = np.flatnonzero(layout.times == 0)
         self._normalisation = (stages.plain(database.offset), stages.plain(database.scale))
         self._euclidean = database.schema.euclidean
         self._legs = find_legs(database, foot_height=settings.foot_height) if settings.foot_lock else None
-        self._parents = stages.plain(database.skeleton.parents)
+        self._parents, self._tags = stages.plain(database.skeleton.parents), stages.plain(database.tags)
 
         joints, feet = len(self.skeleton), len(database.contact_roles)
         self.characters = np.zeros(count, state_types.CHARACTER)
@@ -114,9 +114,10 @@ class Controller:
         shown = self._shown
         self._pose = Poses(shown.positions, self._rotations, shown.velocities, shown.angular_velocities)
         self._trajectory = np.zeros((count, len(layout), 3), np.float32)
-        self._history = np.zeros((count, 1 + int(self._past_frames.max(initial=0)), 3), np.float32)
+        self._history = np.zeros((count, 2 + int(self._past_frames.max(initial=0)), 3), np.float32)
         self._head = 0
         self._queries = np.zeros((count, database.schema.size), np.float32)
+        self._played = self._queries.copy()
         self._candidates = np.full(count, -1, np.int32)
         self._cost_current = np.full(count, np.nan, np.float32)
         self._cost_candidate = np.full(count, np.nan, np.float32)
@@ -141,6 +142,7 @@ class Controller:
         self._offsets[:] = 0
         self._history[:] = self.characters["root"][:, None]
         self.state = self.stages.stepping.start(self.count)
+        self.state.put(np.arange(self.count), self._standing().take(np.zeros(self.count, np.int64)))
         self.stages.decompression.decompress(self.state, self._playing, self._contacts)
         for shown, playing in zip(self._shown.arrays().values(), self._playing.arrays().values(), strict=True):
             shown[:] = playing
@@ -150,6 +152,23 @@ class Controller:
         self._candidates[:] = -1
         self._cost_current[:] = self._cost_candidate[:] = np.nan
 
+    def _standing(self) -> stages.State:
+        """The state [1] of a character at rest: what projection finds, and finds again, for going nowhere."""
+        state = self.stages.stepping.start(1)
+        query = state.features().copy()
+        still, nothing = np.zeros(1, state_types.CHARACTER), np.zeros(1, np.uint32)
+        trajectory = np.zeros((1, len(self._layout), 3), np.float32)
+        for _ in range(3):
+            self._kernels.build_queries(
+                still, np.zeros(1, np.int64), state.features(), trajectory, *self._columns,
+                *self._normalisation, query,
+            )  # fmt: skip
+            anything = np.full(1, np.inf, np.float32)
+            state, _, found = self.stages.projection.project(query, state, anything, nothing, nothing)
+            if not found[0]:
+                break
+        return state
+
     def step(self, command: Command) -> Poses:
         """Advance one frame, 1 / fps. Returns the poses [N] shown, valid until the next step."""
         if len(command) != self.count:
@@ -158,7 +177,8 @@ class Controller:
         self._lap_start = time.perf_counter()
         ended = self.state.ended()
         self._kernels.control(
-            characters, command.velocity, command.yaw, command.turn_rate, ended, settings, self._obstacles,
+            characters, command.velocity, command.yaw, command.turn_rate, command.required_tags,
+            command.forbidden_tags, ended, settings, self._obstacles,
             self._future_times, self._future_slots, self._trajectory,
         )  # fmt: skip
         self._fill_past()
@@ -204,25 +224,42 @@ class Controller:
             self.characters, who, features, self._trajectory, *self._columns, *self._normalisation, queries
         )
         current = self.costs(queries, features)
-        # Where the data ends, playing on is impossible at any cost.
-        current[ended[who]] = np.inf
+        required, forbidden = command.required_tags[who], command.forbidden_tags[who]
+        # Playing on has no price where it is impossible, or not what was asked for.
+        barred = self._lacks_tags(state.frames(), required, forbidden)
+        current[ended[who] | barred] = np.inf
         bound = current * np.float32(1 - self.settings.continuing_bias)
         self._lap("query")
-        candidates, costs, found = self.stages.projection.project(
-            queries, state, bound, command.required_tags[who], command.forbidden_tags[who]
-        )
-        self._queries[who] = queries
-        self._candidates[who] = np.where(found, candidates.frames(), -1)
-        self._cost_current[who], self._cost_candidate[who] = current, costs
-        stuck = ended[who] & ~found
-        if stuck.any():
-            raise UserError(
-                f"character {who[stuck][0]} is at the end of its clip and no frame may follow",
-                remedy="ask for tags that the database bears, or build it from longer clips",
-            )
+        candidates, costs, found = self.stages.projection.project(queries, state, bound, required, forbidden)
+        if not found.all():
+            self._check_possible(who, ~found, ended[who], barred, required, forbidden)
         if found.any():
             self._jump(who[found], candidates.take(np.flatnonzero(found)))
+        self._queries[who] = queries
+        self._played[who] = self.state.take(who).features()
+        self._candidates[who] = np.where(found, candidates.frames(), -1)
+        self._cost_current[who], self._cost_candidate[who] = current, costs
         self._lap("projection")
+
+    def _lacks_tags(self, frames: NDArray[np.int32], required: NDArray, forbidden: NDArray) -> NDArray[np.bool_]:
+        """Whether frames [M] bear not all required tags, or a forbidden one; False for no frame (-1)."""
+        tags = self._tags[frames]
+        return (frames >= 0) & (((required & ~tags) != 0) | ((forbidden & tags) != 0))
+
+    def _check_possible(self, who, lost, ended, barred, required, forbidden) -> None:
+        """Refuse tags that no frame bears, and a clip's end that nothing can follow."""
+        for m in np.flatnonzero(lost & (ended | barred)):
+            tags = self._tags
+            if not np.any(((tags & required[m]) == required[m]) & ((tags & forbidden[m]) == 0)):
+                raise UserError(
+                    f"character {who[m]} is asked for tags that no frame bears",
+                    remedy="ask for tags that go together in the database (see `mm info`)",
+                )
+            if ended[m]:
+                raise UserError(
+                    f"character {who[m]} is at the end of its clip and no frame may follow",
+                    remedy="build the database from more or longer clips, or bearing these tags",
+                )
 
     def _jump(self, who: NDArray[np.int64], destination: stages.State) -> None:
         """Transition characters who to the destination states, inertialized."""
@@ -244,8 +281,14 @@ class Controller:
             root = self.characters["root"]
             self._head = (self._head + 1) % self._history.shape[1]
             self._history[:, self._head] = root
-            back = (self._head - self._past_frames) % self._history.shape[1]
-            self._trajectory[:, self._past_slots] = self._history[:, back]
+            whole = np.floor(self._past_frames).astype(np.int64)
+            later, earlier = (
+                self._history[:, (self._head - back) % self._history.shape[1]] for back in (whole, whole + 1)
+            )
+            difference = earlier - later
+            difference[..., 2] = springs.wrap(difference[..., 2])
+            part = (self._past_frames - whole).astype(np.float32)
+            self._trajectory[:, self._past_slots] = later + part[:, None] * difference
             self._trajectory[:, self._present_slots] = root[:, None]
 
     def _write_root(self) -> None:
@@ -273,7 +316,6 @@ class Controller:
     def record(self) -> dict[str, NDArray]:
         """What the last step did; copies with leading axis N. Keys: see `mm.recording`."""
         c = self.characters
-        features = self.state.features()
         return {
             "command_velocity": c["desired_velocity"].copy(),
             "command_yaw": c["desired_yaw"].copy(),
@@ -292,7 +334,7 @@ class Controller:
             "candidate": self._candidates.copy(),
             "cost_current": self._cost_current.copy(),
             "cost_candidate": self._cost_candidate.copy(),
-            "feature_costs": normalise.costs(self.database.schema, self._queries, features),
+            "feature_costs": normalise.costs(self.database.schema, self._queries, self._played),
             "trajectory": self._trajectory.copy(),
         }
 

@@ -17,7 +17,8 @@ _LIMBS = {
     "foot": ("up_leg", "leg", "foot"),
     "hand": ("arm", "forearm", "hand"),
 }
-# Enough frames for a median; forward kinematics of all of them would take seconds.
+USUAL = (10, 90)  # percentiles: what is beyond are flaws of the capture
+# Enough frames for a percentile; forward kinematics of all of them would take seconds.
 _SAMPLE = 2000
 
 
@@ -29,7 +30,7 @@ class Legs:
     ----------
     joints : int64 [C, 4], upper joint, middle joint, end joint, and the joint that touches the ground.
     hinges : float32 [C, 3], the middle joint's axis in the upper joint's frame, unit; a positive turn bends.
-    heights : float32 [C], height of the touching joint when it is in contact, metres.
+    heights : float32 [C, 2], lowest and highest usual height of the touching joint in contact, metres.
     needed : int64 [..], every joint from the root to these, parents first.
     """
 
@@ -42,8 +43,8 @@ class Legs:
 def find_legs(database: Database, *, foot_height: float | None = None) -> Legs:
     """Legs of a database's contact roles; a skeleton without them is a UserError.
 
-    The hinge is the mean over the data of thigh x shin (bent knees weigh more), the height the median over
-    frames in contact, unless foot_height is given.
+    The hinge is the mean over the data of thigh x shin (bent knees weigh more), the heights percentiles
+    over frames in contact (somebody who sits or kneels touches lower), unless foot_height is given.
     """
     skeleton = database.skeleton
     rows = []
@@ -62,7 +63,7 @@ def find_legs(database: Database, *, foot_height: float | None = None) -> Legs:
     poses = database.poses[sample]
     positions, rotations = kinematics.forward(skeleton, poses.positions, poses.rotations)
     hinges = np.zeros((len(joints), 3), np.float32)
-    heights = np.zeros(len(joints), np.float32)
+    heights = np.zeros((len(joints), 2), np.float32)
     for c, (upper, middle, end, touch) in enumerate(joints):
         bend = np.cross(positions[:, middle] - positions[:, upper], positions[:, end] - positions[:, middle])
         axis = quat.rotate(quat.inv(rotations[:, upper]), bend).sum(axis=0)
@@ -72,5 +73,5 @@ def find_legs(database: Database, *, foot_height: float | None = None) -> Legs:
         if foot_height is not None:
             heights[c] = foot_height
         else:
-            heights[c] = np.median(height[contact]) if contact.any() else np.percentile(height, 5)
+            heights[c] = np.percentile(height[contact] if contact.any() else height, USUAL)
     return Legs(joints, hinges, heights, np.array(needed, np.int64))

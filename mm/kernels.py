@@ -17,6 +17,11 @@ from motion.quat_scalar import between, cross, dot, exp, inv, log_shortest, mul,
 
 from . import springs
 
+# Shares of a leg's length from which reaching further is damped, and that it never exceeds.
+SOFT_REACH, FULL_REACH = 0.95, 0.998
+# A foot in contact slower than this (m/s), and nearer than this (m) to the data's, may lock in mid-contact.
+RESTING_SPEED, RESTING_OFFSET = 0.3, 0.02
+
 _jit = numba.njit(cache=True, nogil=True, error_model="numpy")
 
 
@@ -61,10 +66,11 @@ def _chase(x, z, vx, vz, ax, az, yaw, yaw_rate, dvx, dvz, dyaw, velocity_halflif
 
 
 @_jit
-def control(characters, velocity, yaw, turn_rate, ended, settings, obstacles, times, slots, trajectory):
+def control(characters, velocity, yaw, turn_rate, required_tags, forbidden_tags, ended, settings, obstacles,
+            times, slots, trajectory):  # fmt: skip
     """Take commands in, decide who searches, and predict the trajectory at future times.
 
-    velocity [N, 2], yaw [N], turn_rate [N] (see `mm.control.Command`); ended [N], whose data ends here; times [F]
+    velocity [N, 2], yaw, turn_rate, tags [N]: see `mm.control.Command`; ended [N], whose data ends here; times [F]
     ascending seconds and their slots [F] in trajectory [N, K, 3] (x, z, yaw in the world), which is written.
     """
     s = settings[0]
@@ -72,14 +78,17 @@ def control(characters, velocity, yaw, turn_rate, ended, settings, obstacles, ti
     for i in range(len(characters)):
         c = characters[i]
         dx, dz = velocity[i, 0] - c.desired_velocity[0], velocity[i, 1] - c.desired_velocity[1]
-        velocity_change = math.sqrt(dx * dx + dz * dz) / dt
-        yaw_change = abs(springs.wrap(yaw[i] - c.desired_yaw)) / dt
-        limit = s.forced_search_rate
+        # Tags are bits; a change of theirs is as abrupt as can be.
+        retagged = c.required_tags != required_tags[i] or c.forbidden_tags != forbidden_tags[i]
+        c.required_tags, c.forbidden_tags = required_tags[i], forbidden_tags[i]
+        velocity_change = math.sqrt(dx * dx + dz * dz)
+        yaw_change = abs(springs.wrap(yaw[i] - c.desired_yaw))
+        limit = s.forced_search_change
         settled = (c.velocity_change >= limit and velocity_change < limit) or (
             c.yaw_change >= limit and yaw_change < limit
         )
         # Half a frame of tolerance: timers count whole frames, whatever the rounding.
-        c.forced = settled and c.until_forced < dt / 2
+        c.forced = retagged or (settled and c.until_forced < dt / 2)
         c.until_forced = s.search_interval if c.forced else c.until_forced - dt
         c.searching = c.forced or ended[i] or c.until_search < dt / 2
         c.until_search = (s.search_interval if c.searching else c.until_search) - dt
@@ -272,7 +281,7 @@ def lock_feet(feet, contacts, settings, parents, needed, legs, hinges, heights, 
 
     feet [N, C] records (`mm.characters.FOOT`), contacts [N, C]; needed [..] joints whose world transform is
     asked for, parents first; legs [C, 4]: up_leg, leg, foot and the joint that touches the ground; hinges
-    [C, 3]: the knee's axis in the up_leg's frame; heights [C] of the touching joint on the ground.
+    [C, 3]: the knee's axis in the up_leg's frame; heights [C, 2]: lowest and highest of a locked joint.
     """
     s = settings[0]
     joints = positions.shape[1]
@@ -294,20 +303,30 @@ def lock_feet(feet, contacts, settings, parents, needed, legs, hinges, heights, 
             for a in range(4):
                 world_rot[j, a] = q[a]
         for k in range(len(legs)):
-            place, wanted = _update_contact(feet[i, k], contacts[i, k] != 0, world_pos[legs[k, 3]], heights[k], s)
+            touch = world_pos[legs[k, 3]]
+            place, wanted = _update_contact(
+                feet[i, k], contacts[i, k] != 0, touch, heights[k, 0], heights[k, 1], s
+            )
             if wanted:
                 _reach(place, legs[k], hinges[k], parents, world_pos, world_rot, rotations[i])
 
 
 @_jit
-def _update_contact(foot, contact, target, height, s):
-    """Advance one foot's lock. Returns where the touching joint belongs, and whether that differs."""
+def _update_contact(foot, contact, target, low, high, s):
+    """Advance one foot's lock. Returns where the touching joint belongs, and whether that differs.
+
+    A foot locks where it is when contact begins, at a height between low and high; and again in mid-contact
+    when it has come to rest after a lock was given up.
+    """
     dt = s.dt
     fresh = math.isnan(foot.target[0])
-    far = 0.0
+    far, fast, off = 0.0, 0.0, 0.0
     for a in range(3):
         far += (foot.point[a] - target[a]) ** 2
-    lock_now = contact and not foot.contact
+        fast += ((target[a] - foot.target[a]) / dt) ** 2
+        off += foot.offset[a] ** 2
+    rested = contact and not foot.locked and fast < RESTING_SPEED**2 and off < RESTING_OFFSET**2
+    lock_now = (contact and not foot.contact) or rested
     unlock = foot.locked and ((not contact) or far > s.unlock_radius * s.unlock_radius)
     x, y, z = 0.0, 0.0, 0.0
     for a in range(3):
@@ -319,7 +338,7 @@ def _update_contact(foot, contact, target, height, s):
         place = base + foot.offset[a]
         speed = foot.offset_rate[a] if foot.locked else rate + foot.offset_rate[a]
         if lock_now:
-            foot.point[a] = height if a == 1 else place
+            foot.point[a] = min(max(place, low), high) if a == 1 else place
             foot.offset[a], foot.offset_rate[a] = place - foot.point[a], speed
         elif unlock:
             foot.offset[a], foot.offset_rate[a] = place - target[a], speed - rate
@@ -332,7 +351,8 @@ def _update_contact(foot, contact, target, height, s):
             z = place
     foot.locked = lock_now or (foot.locked and not unlock)
     foot.contact = contact
-    y = max(y, height)
+    # A lock presses no foot lower than the ground, or than the data has it.
+    y = max(y, min(low, target[1]))
     moved = abs(x - target[0]) + abs(y - target[1]) + abs(z - target[2])
     return (x, y, z), moved > 1e-4
 
@@ -349,8 +369,15 @@ def _reach(place, leg, hinge, parents, world_pos, world_rot, rotations):
     shin = (ankle[0] - knee[0], ankle[1] - knee[1], ankle[2] - knee[2])
     reach = (goal[0] - hip[0], goal[1] - hip[1], goal[2] - hip[2])
     a, b = math.sqrt(dot(thigh, thigh)), math.sqrt(dot(shin, shin))
-    # Short of the full length: a knee never snaps straight.
-    distance = min(max(math.sqrt(dot(reach, reach)), abs(a - b) + 1e-3), (a + b) * 0.998)
+    # Towards full length the leg gives in softly: a knee never snaps straight. Where the data itself has it
+    # straighter than that, it may stay so.
+    now = (thigh[0] + shin[0], thigh[1] + shin[1], thigh[2] + shin[2])
+    distance = math.sqrt(dot(reach, reach))
+    length = math.sqrt(dot(now, now))
+    soft, most = max(SOFT_REACH * (a + b), length), max(FULL_REACH * (a + b), length + 1e-4)
+    if distance > soft:
+        distance = soft + (most - soft) * (1 - math.exp(-(distance - soft) / (most - soft)))
+    distance = min(max(distance, abs(a - b) + 1e-3), (a + b) * (1 - 1e-6))
     cosine = dot(thigh, shin) / (a * b)
     bend = math.acos(min(max(cosine, -1.0), 1.0))
     wanted = math.pi - math.acos(min(max((a * a + b * b - distance * distance) / (2 * a * b), -1.0), 1.0))
@@ -359,8 +386,8 @@ def _reach(place, leg, hinge, parents, world_pos, world_rot, rotations):
     # The knee's own plane where it is bent enough to have one, else the hinge known from the data.
     plane = cross(thigh, shin)
     if dot(plane, axis) > 0.2 * a * b:
-        length = math.sqrt(dot(plane, plane))
-        axis = (plane[0] / length, plane[1] / length, plane[2] / length)
+        size = math.sqrt(dot(plane, plane))
+        axis = (plane[0] / size, plane[1] / size, plane[2] / size)
     half = (wanted - bend) / 2
     sine = math.sin(half)
     knee_turn = (math.cos(half), sine * axis[0], sine * axis[1], sine * axis[2])

@@ -7,6 +7,7 @@ import numpy as np
 from motion import quat
 
 from . import springs
+from .kernels import FULL_REACH, RESTING_OFFSET, RESTING_SPEED, SOFT_REACH
 
 
 def turn(v, yaw):
@@ -38,16 +39,19 @@ def _chase(x, v, a, yaw, yaw_rate, desired, desired_yaw, s, dt):
     return x, v, a, desired_yaw + offset, yaw_rate
 
 
-def control(characters, velocity, yaw, turn_rate, ended, settings, obstacles, times, slots, trajectory):
+def control(characters, velocity, yaw, turn_rate, required_tags, forbidden_tags, ended, settings, obstacles,
+            times, slots, trajectory):  # fmt: skip
     """See `mm.kernels.control`."""
     s, c = settings[0], characters
-    dt, limit = s["dt"], s["forced_search_rate"]
-    velocity_change = np.linalg.norm(velocity - c["desired_velocity"], axis=-1) / dt
-    yaw_change = np.abs(springs.wrap(yaw - c["desired_yaw"])) / dt
+    dt, limit = s["dt"], s["forced_search_change"]
+    retagged = (c["required_tags"] != required_tags) | (c["forbidden_tags"] != forbidden_tags)
+    c["required_tags"], c["forbidden_tags"] = required_tags, forbidden_tags
+    velocity_change = np.linalg.norm(velocity - c["desired_velocity"], axis=-1)
+    yaw_change = np.abs(springs.wrap(yaw - c["desired_yaw"]))
     settled = ((c["velocity_change"] >= limit) & (velocity_change < limit)) | (
         (c["yaw_change"] >= limit) & (yaw_change < limit)
     )
-    c["forced"] = settled & (c["until_forced"] < dt / 2)
+    c["forced"] = retagged | (settled & (c["until_forced"] < dt / 2))
     c["until_forced"] = np.where(c["forced"], s["search_interval"], c["until_forced"] - dt)
     c["searching"] = c["forced"] | ended | (c["until_search"] < dt / 2)
     c["until_search"] = np.where(c["searching"], s["search_interval"], c["until_search"]) - dt
@@ -182,27 +186,30 @@ def lock_feet(feet, contacts, settings, parents, needed, legs, hinges, heights, 
         rotations[wanted] = bent[wanted]
 
 
-def _update_contact(foot, contact, target, height, s):
+def _update_contact(foot, contact, target, heights, s):
     dt = s["dt"]
     fresh = np.isnan(foot["target"][:, :1])
     with np.errstate(invalid="ignore"):
         rate = np.where(fresh, 0, (target - foot["target"]) / dt)
     far = np.sum((foot["point"] - target) ** 2, axis=-1) > s["unlock_radius"] ** 2
-    lock_now = contact & ~foot["contact"]
+    with np.errstate(invalid="ignore"):
+        slow = np.linalg.norm((target - foot["target"]) / dt, axis=-1) < RESTING_SPEED
+    near = np.linalg.norm(foot["offset"], axis=-1) < RESTING_OFFSET
+    lock_now = (contact & ~foot["contact"]) | (contact & ~foot["locked"] & slow & near)
     unlock = foot["locked"] & (~contact | far)
     locked = foot["locked"][:, None]
     offset, offset_rate = springs.decay(foot["offset"], foot["offset_rate"], s["foot_halflife"], dt)
     place = np.where(locked, foot["point"], target) + offset
     speed = np.where(locked, offset_rate, rate + offset_rate)
     point = place.copy()
-    point[:, 1] = height
+    point[:, 1] = np.clip(point[:, 1], *heights)
     now, off = lock_now[:, None], unlock[:, None]
     foot["point"] = np.where(now, point, foot["point"])
     foot["offset"] = np.where(now, place - point, np.where(off, place - target, offset))
     foot["offset_rate"] = np.where(now, speed, np.where(off, speed - rate, offset_rate))
     foot["target"], foot["contact"] = target, contact
     foot["locked"] = lock_now | (foot["locked"] & ~unlock)
-    place[:, 1] = np.maximum(place[:, 1], height)
+    place[:, 1] = np.maximum(place[:, 1], np.minimum(heights[0], target[:, 1]))
     return place
 
 
@@ -211,14 +218,18 @@ def _reach(place, leg, hinge, parents, world_pos, world_rot, rotations):
     goal = place + ankle - touch
     thigh, shin, reach = knee - hip, ankle - knee, goal - hip
     a, b = np.linalg.norm(thigh, axis=-1), np.linalg.norm(shin, axis=-1)
-    distance = np.minimum(np.maximum(np.linalg.norm(reach, axis=-1), np.abs(a - b) + 1e-3), (a + b) * 0.998)
+    distance, length = np.linalg.norm(reach, axis=-1), np.linalg.norm(thigh + shin, axis=-1)
+    soft, most = np.maximum(SOFT_REACH * (a + b), length), np.maximum(FULL_REACH * (a + b), length + 1e-4)
+    damped = soft + (most - soft) * (1 - np.exp(-np.maximum(distance - soft, 0) / (most - soft)))
+    distance = np.where(distance > soft, damped, distance)
+    distance = np.clip(distance, np.abs(a - b) + 1e-3, (a + b) * (1 - 1e-6))
     bend = np.arccos(np.clip(np.sum(thigh * shin, axis=-1) / (a * b), -1, 1))
     wanted = np.pi - np.arccos(np.clip((a * a + b * b - distance * distance) / (2 * a * b), -1, 1))
     axis = quat.rotate(world_rot[:, leg[0]].astype(np.float64), hinge[None].astype(np.float64))
     plane = np.cross(thigh, shin)
     planar = (np.sum(plane * axis, axis=-1) > 0.2 * a * b)[:, None]
-    length = np.linalg.norm(plane, axis=-1, keepdims=True)
-    axis = np.where(planar, plane / np.where(planar, length, 1), axis)
+    size = np.linalg.norm(plane, axis=-1, keepdims=True)
+    axis = np.where(planar, plane / np.where(planar, size, 1), axis)
     knee_turn = quat.from_axis_angle(axis, wanted - bend)
     hip_turn = quat.between(thigh + quat.rotate(knee_turn, shin), reach)
     still = quat.identity(len(place))

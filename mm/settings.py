@@ -1,4 +1,4 @@
-"""The controller's settings; defaults are those of the public reference (REFERENCE 2.5)."""
+"""The controller's settings; half-lives, limits and intervals are the public reference's."""
 
 from __future__ import annotations
 
@@ -21,9 +21,10 @@ class Settings:
     search_interval : time between searches.
     ignore_radius : frames of the current range nearer than this are no candidates (the jump threshold).
     ignore_end : the last stretch of every range is no candidate.
-    continuing_bias : share by which a candidate must be cheaper than playing on, in [0, 1).
-    forced_search_rate : a search is forced when the desired velocity (m/s per second) or facing (rad/s)
-        changed faster than this and the change is over.
+    continuing_bias : share by which a candidate must be cheaper than playing on, in [0, 1). Without one, two
+        frames that cost nearly the same can take turns, and a frozen pose glides.
+    forced_search_change : a search is forced when the desired velocity (m/s) or facing (rad) changed by this much
+        from one frame to the next and the change is over; the reference's 50 a second at 60 Hz.
     velocity_halflife, rotation_halflife : how fast the simulated object follows the command.
     inertialization_halflife : how fast the difference at a transition fades.
     synchronization : how character and simulated object stay together. "adjust" draws the character to
@@ -35,15 +36,15 @@ class Settings:
     foot_lock : hold feet that are in contact, by two-bone inverse kinematics.
     foot_halflife : how fast a foot blends into and out of a lock.
     unlock_radius : a lock further than this from the animation is given up.
-    foot_height : height of the contact joints on the ground; None takes it from the database.
+    foot_height : height at which feet lock; None takes the usual ones from the database (see `mm.feet`).
     body_radius : distance kept from obstacles.
     """
 
     search_interval: float = 0.1
     ignore_radius: float = 1 / 3
     ignore_end: float = 1 / 3
-    continuing_bias: float = 0.0
-    forced_search_rate: float = 50.0
+    continuing_bias: float = 0.2
+    forced_search_change: float = 50 / 60
     velocity_halflife: float = 0.27
     rotation_halflife: float = 0.27
     inertialization_halflife: float = 0.1
@@ -79,7 +80,7 @@ RECORD = np.dtype(
         for name in (
             "dt",
             "search_interval",
-            "forced_search_rate",
+            "forced_search_change",
             "velocity_halflife",
             "rotation_halflife",
             "inertialization_halflife",

@@ -6,13 +6,14 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+import synthetic
 from mm import springs
 from mm.build import build
 from mm.control import Command
 from mm.controller import Controller, box, circle
 from mm.settings import Settings
 
-from motion import kinematics
+from motion import bvh, kinematics
 from motion.errors import UserError
 from motion.pose import Poses
 
@@ -55,16 +56,27 @@ def touching(database, records: list[dict]) -> np.ndarray:
     return world[:, :, [database.skeleton.roles[role] for role in database.contact_roles]]
 
 
+@pytest.fixture(scope="module", params=["mm27", "o3de59"])
+def uneven(request, tmp_path_factory):
+    """Walks of which no two strides are alike, so that no two frames cost the same."""
+    folder = tmp_path_factory.mktemp("uneven")
+    for i, speed in enumerate((0.8, 1.1, 1.5)):
+
+        def turn(time, i=i):
+            return np.sin((0.7 + 0.2 * i) * time + i) + 0.4 * np.sin(1.9 * time)
+
+        bvh.write(folder / f"{i}.bvh", synthetic.walk(f"{i}", speed=speed, turn=turn, seconds=8))
+    return build([folder], jobs=1, schema=request.param, mirror=False)
+
+
 @pytest.mark.parametrize("synchronization", ["adjust+clamp", "data", "none"])
-@pytest.mark.parametrize("schema", ["lmm27", "o3de59"])
-def test_compiled_kernels_equal_their_numpy_twin(walker_files, database, synchronization, schema):
-    database = database if schema == "lmm27" else build([walker_files], jobs=1, schema=schema)
-    settings = Settings(synchronization=synchronization)
+def test_compiled_kernels_equal_their_numpy_twin(uneven, synchronization):
+    settings = Settings(synchronization=synchronization, continuing_bias=0)
     obstacles = [box(1.5, 1.0, 1.0, 0.5), circle(-0.5, 3.0, 0.6)]
     runs = [
         drive(
             Controller(
-                database, count=3, index="brute", settings=settings, obstacles=obstacles, compiled=compiled
+                uneven, count=3, index="brute", settings=settings, obstacles=obstacles, compiled=compiled
             ),
             200,
         )
@@ -181,10 +193,12 @@ def test_a_locked_foot_stands_still_on_the_ground(database):
     for c in range(locked.shape[1]):
         edges = np.flatnonzero(np.diff(np.concatenate([[0], locked[:, c], [0]])))
         for start, stop in edges.reshape(-1, 2):
-            held = feet[start + 18 : stop, c]
+            # After the blend into the lock, and before a leg that is left behind reaches its full length.
+            held = feet[start + 24 : stop - 6, c]
             if len(held) > 2:
                 checked += 1
-                np.testing.assert_allclose(held[:, 1], heights[c], atol=4e-3)
+                assert np.all(held[:, 1] > heights[c, 0] - 4e-3)
+                assert np.all(held[:, 1] < heights[c, 1] + 4e-3)
                 assert np.ptp(held, axis=0).max() < 6e-3
     assert checked >= 3
     free = drive(Controller(database, settings=Settings(foot_lock=False)), 300)
@@ -223,8 +237,16 @@ def test_tags_limit_the_search(database):
 
     records = drive(Controller(database), 150, only_straight)
     ranges = database.ranges()[stack(records, "frame")[:, 0]]
-    moved = np.flatnonzero(stack(records, "transition")[:, 0])[0]
-    assert set(ranges[moved:]) <= set(wanted)
+    # Obeyed at once, whatever it costs.
+    assert set(ranges) == set(wanted)
+
+    def impossible(frame, count):
+        command = only_straight(frame, count)
+        command.forbidden_tags[:] = 1 if frame == 30 else 0
+        return command
+
+    with pytest.raises(UserError, match="tags that no frame bears"):
+        drive(Controller(database), 40, impossible)
     with pytest.raises(UserError, match="no tag 'dance'.*straight"):
         database.tag_mask(["dance"])
 
@@ -232,7 +254,7 @@ def test_tags_limit_the_search(database):
 def test_a_continuing_bias_jumps_less_often(database):
     plain, biased = (
         stack(drive(Controller(database, settings=Settings(continuing_bias=b)), 300), "transition").sum()
-        for b in (0.0, 0.5)
+        for b in (0.0, 0.6)
     )
     assert 0 < biased < plain
 

@@ -75,7 +75,7 @@ def test_info(db: Path) -> None:
     assert facts["minutes_without_mirrored"] == pytest.approx(25 / 60, abs=1e-3)
     assert facts["file_bytes"] == db.stat().st_size > sum(facts["bytes"].values())
     assert facts["joints"][:2] == ["root", "Hips"] and facts["roles"]["left_foot"] == "LeftFoot"
-    assert facts["schema"]["name"] == "lmm27" and len(facts["schema"]["columns"]) == 27
+    assert facts["schema"]["name"] == "mm27" and len(facts["schema"]["columns"]) == 27
     assert facts["tags"] == {"turn": 1200}
     assert facts["ranges"][1] == {"name": "left_turn", "mirrored": True, "start": 300, "frames": 300}
     assert facts["fingerprint"] == Database.load(db).fingerprint
@@ -89,7 +89,7 @@ def test_info(db: Path) -> None:
     for part in (
         "5 clips and 5 mirrored copies",
         "23 joints",
-        "lmm27, 27 columns",
+        "mm27, 27 columns",
         "turn 1,200 frames",
         "straight",
     ):
