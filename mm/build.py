@@ -36,7 +36,7 @@ SKIP = "repair or remove it, or leave such clips out with --skip-bad"
 def build(
     paths: PathLike | Sequence[PathLike],
     *,
-    schema: str | Schema = "lmm27",
+    schema: str | Schema = "mm27",
     fps: float = 60.0,
     mirror: bool = True,
     jobs: int | None = None,

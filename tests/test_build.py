@@ -61,7 +61,7 @@ def test_ranges_names_and_sizes(built: Database) -> None:
     assert (
         built.skeleton.names[0] == "root" and built.skeleton.role("root") == 0 and len(built.skeleton) == 23
     )
-    assert built.contact_roles == ("left_toe", "right_toe") and built.schema.name == "lmm27"
+    assert built.contact_roles == ("left_toe", "right_toe") and built.schema.name == "mm27"
     assert built.tag_names == () and not built.tags.any()
     for array in (*built.poses.arrays().values(), built.features, built.offset, built.scale):
         assert array.dtype == np.float32 and np.isfinite(array).all()
