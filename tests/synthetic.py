@@ -1,4 +1,4 @@
-"""A procedural humanoid that walks, turns, runs and stands: motion whose truth is known, made without any file.
+"""A procedural humanoid that walks, turns, runs and stands: motion whose truth is known, made without files.
 
 Feet are placed on the ground by a clock and stay exactly still until they lift; legs follow by two-bone
 inverse kinematics. So contacts, speeds, headings and turns are known beforehand.
