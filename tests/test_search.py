@@ -40,6 +40,13 @@ def duplicates(rng, count, width):
     return rows
 
 
+def harsh(rng, count, width):
+    """Far from the origin, columns of very different widths, and a few rows far out."""
+    rows = random(rng, count, width) * 10.0 ** rng.uniform(-4, 2, width) + 300
+    rows[rng.integers(0, count, 5)] *= 1e4
+    return rows.astype(np.float32)
+
+
 def ranges(rng, count, pieces=4):
     """Ranges that cover all frames; one of them shorter than 20."""
     cuts = np.unique(np.concatenate([[0, min(12, count), count], rng.integers(0, count + 1, pieces)]))
@@ -77,7 +84,7 @@ def kept(frames, current, radius, starts, stops, ignore_end=20):
 
 
 @pytest.mark.parametrize("name", EXACT)
-@pytest.mark.parametrize("make", [random, smooth, duplicates])
+@pytest.mark.parametrize("make", [random, smooth, duplicates, harsh])
 @pytest.mark.parametrize("width", [1, 2, 27, 70])
 @pytest.mark.parametrize("k", [1, 5])
 def test_exact_index_equals_brute(name, make, width, k):
@@ -195,6 +202,21 @@ def test_approximate_index_finds_most(name):
     kept(frames, current, 20, starts, stops)
     assert (costs >= truth[1] * (1 - 1e-5)).all()
     assert (costs <= truth[1] * (1 + 1e-5)).mean() >= APPROXIMATE[name]
+
+
+def test_exact_index_of_several_levels_and_threads():
+    rng = np.random.default_rng(8)
+    features = smooth(rng, 20000, 12)
+    queries, current, bound = asked(rng, features, 40)
+    starts, stops = ranges(rng, len(features), 10)
+    exclude = Exclusions(current=current)
+    truth = search.build("brute", features, starts, stops).search(queries, bound=bound, exclude=exclude)
+    alone = search.build("exact", features, starts, stops).search(queries, bound=bound, exclude=exclude)
+    index = search.build("exact", features, starts, stops, threads=3)
+    together = index.search(queries, bound=bound, exclude=exclude)
+    same(alone, truth, features, queries)
+    for one, other in zip(alone, together, strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
 @pytest.mark.parametrize("name", search.names())
