@@ -59,7 +59,7 @@ class _Listener:
 
 def record(database: Database, count: int = 1000, *, index: str = "exact", course: str = "random") -> Queries:
     """The first count searches of eight characters spread over a course, at the speeds of the data."""
-    settings = Settings()
+    settings = Settings(foot_lock=False)  # no part in a search, and impossible on a database of few joints
     controller = Controller(database, count=CHARACTERS, settings=settings, index=index)
     controller.stages.projection = listener = _Listener(controller.stages.projection)
     clock = Clock(at_data_speeds(courses.load(course), database), CHARACTERS, database.fps, spread=True)
