@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from . import kinematics, quat, root
+from . import contacts, kinematics, quat, root
 from .clip import Clip
 from .errors import UserError
 from .skeleton import Skeleton
@@ -82,8 +82,9 @@ def fit(clip: Clip, skeleton: Skeleton) -> Clip:
     """Put a clip onto a skeleton of the same joints with other bone lengths or rest directions.
 
     Bones keep their directions in the world and get the skeleton's lengths; the height and travel of the hips
-    (and of the joints above them) are scaled by the ratio of leg lengths. Joints of another name or hierarchy
-    are a UserError.
+    (and of the joints above them) are scaled by the ratio of leg lengths. As feet and pelvis have ratios of
+    their own, the hips are then put higher or lower so that ankles stand as high over the ground as the feet
+    are large. Joints of another name or hierarchy are a UserError.
     """
     old = clip.skeleton
     _require_same_joints(clip, skeleton)
@@ -98,7 +99,45 @@ def fit(clip: Clip, skeleton: Skeleton) -> Clip:
     positions = np.repeat(skeleton.offsets[None], len(clip), axis=0)
     scale = leg_length(skeleton, skeleton.offsets) / leg_length(skeleton.with_roles(old.roles), bones)
     positions[:, travelling] = scale * quat.rotate(before[travelling], clip.positions[:, travelling])
-    return clip.replace(skeleton=skeleton, positions=positions, rotations=kinematics.unroll(rotations))
+    fitted = clip.replace(skeleton=skeleton, positions=positions, rotations=kinematics.unroll(rotations))
+    _stand(fitted, clip, hips)
+    return fitted
+
+
+def _stand(fitted: Clip, clip: Clip, hips: int) -> None:
+    """Move the hips up or down, in place, until ankles stand as high as before, times the ratio of feet."""
+    roles, sides = clip.skeleton.roles, ("left_", "right_")
+    if not all(side + "foot" in roles for side in sides):
+        return
+    ratio = _foot_length(fitted, sides, roles) / _foot_length(clip, sides, roles)
+    standing = contacts.contacts(clip, roles=[side + "foot" for side in sides]) != 0
+    if not 0 < ratio < np.inf:
+        return
+    if not standing.any():
+        standing[:] = True  # who only runs comes as low
+    feet = [roles[side + "foot"] for side in sides]
+    before, after = (
+        kinematics.forward(c.skeleton, c.positions, c.rotations)[0][:, feet, 1] for c in (clip, fitted)
+    )
+    low = before < np.percentile(before[standing], 10) + 0.05  # on the ground, where a clip climbs
+    lift = np.median((ratio * before - after)[standing & low])
+    up = np.broadcast_to([0.0, lift, 0.0], (len(clip), 3))
+    if hips > 0:
+        turned = kinematics.forward(fitted.skeleton, fitted.positions, fitted.rotations)[1]
+        up = quat.rotate(quat.inv(turned[:, fitted.skeleton.parents[hips]]), up)
+    fitted.positions[:, hips] += up
+
+
+def _foot_length(clip: Clip, sides: Sequence[str], roles: Mapping[str, int]) -> float:
+    """Mean length from ankles to toes, or else to the feet's ends, metres; NaN where there are none."""
+    total = 0.0
+    for side in sides:
+        if side + "toe" in roles:
+            bone = np.median(clip.positions[:, roles[side + "toe"]], axis=0)
+        else:
+            bone = clip.skeleton.end_sites.get(roles[side + "foot"], np.full(3, np.nan))
+        total += float(np.linalg.norm(bone)) / len(sides)
+    return total or np.nan
 
 
 def leg_length(skeleton: Skeleton, bones: Array) -> float:

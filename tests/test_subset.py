@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from motion import kinematics, quat, root, sources, subset
+from motion import contacts, kinematics, quat, root, sources, subset
 from motion.errors import UserError
 
 
@@ -104,8 +104,30 @@ def test_fit_keeps_directions_and_takes_lengths(walker):
     np.testing.assert_allclose(after, before, atol=1e-9)
     own = np.linalg.norm(target.offsets[[target.index(n) for n in LIMBS]], axis=-1)
     np.testing.assert_allclose(lengths, np.broadcast_to(own, lengths.shape), atol=1e-9)
-    np.testing.assert_allclose(fitted.positions[:, 0], 1.5 * walker.positions[:, 0], atol=1e-9)
+    travel = fitted.positions[:, 0] - 1.5 * walker.positions[:, 0]
+    np.testing.assert_allclose(travel - travel[0], 0, atol=1e-9)
+    np.testing.assert_allclose(travel[0, ::2], 0, atol=1e-9)
     assert fitted.skeleton is target
+
+
+@pytest.mark.parametrize("factor", [0.85, 1.15])
+@pytest.mark.parametrize("put", [lambda clip: clip, root.ground])
+def test_toes_stand_as_high_where_only_legs_are_longer(walker, factor, put):
+    clip = put(walker)
+    skeleton = clip.skeleton
+    longer = np.array([factor if name.endswith(("Leg", "tFoot")) else 1.0 for name in skeleton.names])
+    fitted = subset.fit(clip, dataclasses.replace(skeleton, offsets=skeleton.offsets * longer[:, None]))
+    standing = contacts.contacts(clip) != 0
+    toes = [skeleton.roles[f"{side}_toe"] for side in ("left", "right")]
+    rise = (world(fitted)[0] - world(clip)[0])[:, toes, 1][standing]
+    assert abs(np.median(rise)) < 1e-6 and np.abs(rise).max() < 0.001  # by the legs alone it would be 2 cm
+    assert np.std(world(fitted)[0][:, toes, 1][standing]) < 0.01
+
+
+@pytest.mark.parametrize("factor", [0.5, 1.3])
+def test_a_larger_skeleton_makes_a_larger_motion(walker, factor):
+    target = dataclasses.replace(walker.skeleton, offsets=factor * walker.skeleton.offsets)
+    np.testing.assert_allclose(world(subset.fit(walker, target))[0], factor * world(walker)[0], atol=1e-9)
 
 
 def test_fit_to_other_rest_directions(walker):
