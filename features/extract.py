@@ -27,8 +27,8 @@ def extract(
 ) -> NDArray[np.float32]:
     """Raw features (not normalised), float32 [T, F], columns as `schema.columns`.
 
-    Ranges starts [R], stops [R] (exclusive) cover the T frames one after the other. No feature crosses ranges:
-    trajectory samples beyond a range's end are what `Feature.beyond` says. A sample time between two
+    Ranges starts [R], stops [R] (exclusive) cover the T frames one after the other. No feature crosses
+    ranges: trajectory samples beyond a range's end are what `Feature.beyond` says. A sample time between two
     frames is interpolated between them, so a schema means the same at any frame rate. Joint velocities are
     the world's in the root's frame, as REFERENCE 2.2's public implementation has them.
 
@@ -198,10 +198,9 @@ class _Samples:
             found += part[:, None] * (values[np.clip(here + 1, first, last)] - found)
         return found
 
-
     @cached_property
     def ends(self) -> tuple[Array, Array, Array, Array]:
-        """How ranges begin and end: velocities [T, 2] and turn rates [T] at the first and at the last frame."""
+        """How ranges begin and end: velocities [T, 2], turn rates [T] at the first and at the last frame."""
         steps = np.clip(np.rint(END_SECONDS * self.fps).astype(np.int64), 1, None)
         rates = []
         for near, far in (

@@ -68,8 +68,8 @@ class Feature:
         for trajectory positions "path": the sum of |d| over the samples and over the steps between them.
     group : features of one group share their scale; by default each feature has its own.
     scaler : "standard", "minmax" or "none" (raw units), see `features.normalise`.
-    beyond : trajectory samples beyond the clip's end: "clamp" to its end frame (REFERENCE 2.2), or "continue" at
-        the speed and turn rate that it ends with, which keeps short clips of steady motion usable.
+    beyond : trajectory samples beyond the clip's end: "clamp" to its end frame (REFERENCE 2.2), or "continue"
+        at the speed and turn rate that it ends with, which keeps short clips of steady motion usable.
     axis : the joint's own axis that is its forward, for "heading".
     function : name under which `register` knows a custom feature.
     columns : a custom feature's column names; taken from the registration when left out.

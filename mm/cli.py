@@ -25,8 +25,6 @@ def main() -> None:
     pass
 
 
-
-
 def schema_option(default: str) -> Callable[[Any], Any]:
     """``--schema`` with this default."""
     return click.option(

@@ -1,7 +1,7 @@
 """The controller: any three stages, and all that surrounds them, for N characters at once.
 
-Each step: take commands in and predict the trajectory; where a search is due, build the query, project, and jump
-if the candidate is cheaper than playing on; step; decompress; inertialize; keep the character with its
+Each step: take commands in and predict the trajectory; where a search is due, build the query, project, and
+jump if the candidate is cheaper than playing on; step; decompress; inertialize; keep the character with its
 simulated object; hold the feet.
 """
 
@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from features import normalise
 from numpy.typing import ArrayLike, NDArray
 
+from features import normalise
 from motion.errors import UserError
 from motion.pose import Poses
 
@@ -109,7 +109,7 @@ class Controller:
         self._playing, self._shown = Poses.empty(count, joints), Poses.empty(count, joints)
         self._offsets = np.zeros((count, joints, 4, 3), np.float32)
         self._contacts = np.zeros((count, feet), np.uint8)
-        # What is shown differs from what the next transition starts from by the locked feet's rotations alone.
+        # What is shown differs from what the next transition starts from by the locked legs' rotations only.
         self._rotations = self._shown.rotations.copy()
         shown = self._shown
         self._pose = Poses(shown.positions, self._rotations, shown.velocities, shown.angular_velocities)
@@ -144,7 +144,9 @@ class Controller:
         self.state = self.stages.stepping.start(self.count)
         self.state.put(np.arange(self.count), self._standing().take(np.zeros(self.count, np.int64)))
         self.stages.decompression.decompress(self.state, self._playing, self._contacts)
-        for shown, playing in zip(self._shown.arrays().values(), self._playing.arrays().values(), strict=True):
+        for shown, playing in zip(
+            self._shown.arrays().values(), self._playing.arrays().values(), strict=True
+        ):
             shown[:] = playing
         self._write_root()
         np.copyto(self._rotations, self._shown.rotations)
@@ -241,12 +243,22 @@ class Controller:
         self._cost_current[who], self._cost_candidate[who] = current, costs
         self._lap("projection")
 
-    def _lacks_tags(self, frames: NDArray[np.int32], required: NDArray, forbidden: NDArray) -> NDArray[np.bool_]:
+    def _lacks_tags(
+        self, frames: NDArray[np.int32], required: NDArray, forbidden: NDArray
+    ) -> NDArray[np.bool_]:
         """Whether frames [M] bear not all required tags, or a forbidden one; False for no frame (-1)."""
         tags = self._tags[frames]
         return (frames >= 0) & (((required & ~tags) != 0) | ((forbidden & tags) != 0))
 
-    def _check_possible(self, who, lost, ended, barred, required, forbidden) -> None:
+    def _check_possible(
+        self,
+        who: NDArray[np.int64],
+        lost: NDArray[np.bool_],
+        ended: NDArray[np.bool_],
+        barred: NDArray[np.bool_],
+        required: NDArray[np.uint32],
+        forbidden: NDArray[np.uint32],
+    ) -> None:
         """Refuse tags that no frame bears, and a clip's end that nothing can follow."""
         for m in np.flatnonzero(lost & (ended | barred)):
             tags = self._tags

@@ -74,7 +74,8 @@ class Database:
         for name in names:
             if name not in self.tag_names:
                 raise UserError(
-                    f"no tag {name!r}", remedy=f"the database's tags are {', '.join(self.tag_names) or 'none'}"
+                    f"no tag {name!r}",
+                    remedy=f"the database's tags are {', '.join(self.tag_names) or 'none'}",
                 )
             mask |= 1 << self.tag_names.index(name)
         return mask

@@ -1,8 +1,8 @@
 """The controller's hot loops, compiled; `mm.kernels_numpy` is the obvious twin of every function here.
 
 Arrays: N characters, J joints, K trajectory samples, C feet. A pose is four arrays (positions [.., J, 3],
-rotations [.., J, 4], velocities [.., J, 3], angular velocities [.., J, 3]), local. In a pose that comes out of
-Decompression, joint 0 holds the root's motion: its displacement and turn since the previous frame in the
+rotations [.., J, 4], velocities [.., J, 3], angular velocities [.., J, 3]), local. In a pose that comes out
+of Decompression, joint 0 holds the root's motion: its displacement and turn since the previous frame in the
 previous root's space, its velocity and angular velocity in its own space.
 """
 
@@ -34,7 +34,7 @@ def turn(x, z, yaw):
 
 @_jit
 def push_out(x, z, obstacles, distance):
-    """The nearest point outside every obstacle (rows: x, z, half width x, half width z, radius) by distance."""
+    """The nearest point outside every obstacle (rows: x, z, half widths x, z, radius) by distance."""
     for k in range(len(obstacles)):
         ox, oz, hx, hz, radius = obstacles[k]
         reach = radius + distance
@@ -70,8 +70,9 @@ def control(characters, velocity, yaw, turn_rate, required_tags, forbidden_tags,
             times, slots, trajectory):  # fmt: skip
     """Take commands in, decide who searches, and predict the trajectory at future times.
 
-    velocity [N, 2], yaw, turn_rate, tags [N]: see `mm.control.Command`; ended [N], whose data ends here; times [F]
-    ascending seconds and their slots [F] in trajectory [N, K, 3] (x, z, yaw in the world), which is written.
+    velocity [N, 2], yaw, turn_rate, tags [N]: see `mm.control.Command`; ended [N], whose data ends here;
+    times [F] ascending seconds and their slots [F] in trajectory [N, K, 3] (x, z, yaw in the world), which
+    is written.
     """
     s = settings[0]
     dt = s.dt
@@ -121,8 +122,8 @@ def build_queries(
 ):
     """Queries [M, F] of characters who [M]: the current features with the trajectory columns replaced.
 
-    features [M, F] are normalised, of the data frames that play; trajectory [N, K, 3] is in the world and goes
-    into the shown root's frame; columns [K] are -1 where a sample has no such feature.
+    features [M, F] are normalised, of the data frames that play; trajectory [N, K, 3] is in the world and
+    goes into the shown root's frame; columns [K] are -1 where a sample has no such feature.
     """
     for m in range(len(who)):
         root = characters[who[m]].root
@@ -157,7 +158,14 @@ def transition(who, characters, positions, rotations, velocities, angular, offse
         for j in range(1, positions.shape[1]):
             q = mul(
                 (rotations[i, j, 0], rotations[i, j, 1], rotations[i, j, 2], rotations[i, j, 3]),
-                inv((to_rotations[m, j, 0], to_rotations[m, j, 1], to_rotations[m, j, 2], to_rotations[m, j, 3])),
+                inv(
+                    (
+                        to_rotations[m, j, 0],
+                        to_rotations[m, j, 1],
+                        to_rotations[m, j, 2],
+                        to_rotations[m, j, 3],
+                    )
+                ),
             )
             v = log_shortest(q)
             for a in range(3):
@@ -215,7 +223,12 @@ def inertialize(characters, settings, offsets, from_positions, from_rotations, f
             o = exp((offsets[i, j, 1, 0], offsets[i, j, 1, 1], offsets[i, j, 1, 2]))
             q = mul(
                 o,
-                (from_rotations[i, j, 0], from_rotations[i, j, 1], from_rotations[i, j, 2], from_rotations[i, j, 3]),
+                (
+                    from_rotations[i, j, 0],
+                    from_rotations[i, j, 1],
+                    from_rotations[i, j, 2],
+                    from_rotations[i, j, 3],
+                ),
             )
             for a in range(4):
                 rotations[i, j, a] = q[a]
@@ -403,7 +416,9 @@ def _set_world(joint, turn_joint, parents, turn_parent, world_rot, rotations):
     """Local rotation of a joint whose world rotation and whose parent's are turned."""
     p = parents[joint]
     parent = mul(turn_parent, (world_rot[p, 0], world_rot[p, 1], world_rot[p, 2], world_rot[p, 3]))
-    own = mul(turn_joint, (world_rot[joint, 0], world_rot[joint, 1], world_rot[joint, 2], world_rot[joint, 3]))
+    own = mul(
+        turn_joint, (world_rot[joint, 0], world_rot[joint, 1], world_rot[joint, 2], world_rot[joint, 3])
+    )
     q = normalize(mul(inv(parent), own))
     for a in range(4):
         rotations[joint, a] = q[a]
@@ -425,11 +440,19 @@ def gather(frames, root_steps, positions, rotations, velocities, angular, contac
                 to_angular[i, j, a] = angular[f, j, a]
             for a in range(4):
                 to_rotations[i, j, a] = rotations[f, j, a]
-        to_positions[i, 0, 0], to_positions[i, 0, 1], to_positions[i, 0, 2] = root_steps[f, 0], 0.0, root_steps[f, 1]
+        to_positions[i, 0, 0], to_positions[i, 0, 1], to_positions[i, 0, 2] = (
+            root_steps[f, 0],
+            0.0,
+            root_steps[f, 1],
+        )
         half = root_steps[f, 2] / 2
         to_rotations[i, 0, 0], to_rotations[i, 0, 1] = math.cos(half), 0.0
         to_rotations[i, 0, 2], to_rotations[i, 0, 3] = math.sin(half), 0.0
-        to_velocities[i, 0, 0], to_velocities[i, 0, 1], to_velocities[i, 0, 2] = root_steps[f, 3], 0.0, root_steps[f, 4]
+        to_velocities[i, 0, 0], to_velocities[i, 0, 1], to_velocities[i, 0, 2] = (
+            root_steps[f, 3],
+            0.0,
+            root_steps[f, 4],
+        )
         to_angular[i, 0, 0], to_angular[i, 0, 1], to_angular[i, 0, 2] = 0.0, root_steps[f, 5], 0.0
         for a in range(contacts.shape[1]):
             to_contacts[i, a] = contacts[f, a]

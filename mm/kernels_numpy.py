@@ -1,4 +1,4 @@
-"""The obvious twin of `mm.kernels`: the same functions, vectorised over characters, for the tests to compare."""
+"""The obvious twin of `mm.kernels`: the same functions over all characters, for the tests to compare."""
 
 from __future__ import annotations
 
@@ -153,7 +153,9 @@ def synchronize(characters, settings, obstacles, positions, rotations, velocitie
     if s["clamp"]:
         apart = c["root"][:, :2] + moved[:, :2] - c["position"]
         length = np.linalg.norm(apart, axis=-1)
-        back = np.where(length > s["maximal_distance"], s["maximal_distance"] / np.where(length > 0, length, 1), 1)
+        back = np.where(
+            length > s["maximal_distance"], s["maximal_distance"] / np.where(length > 0, length, 1), 1
+        )
         moved[:, :2] += (back - 1)[:, None] * apart
         angle = springs.wrap(c["root"][:, 2] + moved[:, 2] - c["yaw"])
         moved[:, 2] += np.clip(angle, -s["maximal_angle"], s["maximal_angle"]) - angle

@@ -23,8 +23,8 @@ class Settings:
     ignore_end : the last stretch of every range is no candidate.
     continuing_bias : share by which a candidate must be cheaper than playing on, in [0, 1). Without one, two
         frames that cost nearly the same can take turns, and a frozen pose glides.
-    forced_search_change : a search is forced when the desired velocity (m/s) or facing (rad) changed by this much
-        from one frame to the next and the change is over; the reference's 50 a second at 60 Hz.
+    forced_search_change : a search is forced when the desired velocity (m/s) or facing (rad) changed by this
+        much from one frame to the next and the change is over; the reference's 50 a second at 60 Hz.
     velocity_halflife, rotation_halflife : how fast the simulated object follows the command.
     inertialization_halflife : how fast the difference at a transition fades.
     synchronization : how character and simulated object stay together. "adjust" draws the character to
@@ -63,14 +63,18 @@ class Settings:
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
-            if isinstance(value, (int, float)) and not isinstance(value, bool):
-                if not (np.isfinite(value) and value >= 0):
-                    raise UserError(f"setting {field.name} = {value}", remedy="give a number of at least 0")
+            number = isinstance(value, (int, float)) and not isinstance(value, bool)
+            if number and not (np.isfinite(value) and value >= 0):
+                raise UserError(f"setting {field.name} = {value}", remedy="give a number of at least 0")
         if self.continuing_bias >= 1:
-            raise UserError(f"setting continuing_bias = {self.continuing_bias}", remedy="give a share below 1")
+            raise UserError(
+                f"setting continuing_bias = {self.continuing_bias}", remedy="give a share below 1"
+            )
         if self.synchronization not in Synchronization.__args__:  # type: ignore[attr-defined]
             choices = ", ".join(Synchronization.__args__)  # type: ignore[attr-defined]
-            raise UserError(f"setting synchronization = {self.synchronization!r}", remedy=f"choose from {choices}")
+            raise UserError(
+                f"setting synchronization = {self.synchronization!r}", remedy=f"choose from {choices}"
+            )
 
 
 # What the kernels read: one record, so that a call passes one array.

@@ -204,8 +204,8 @@ def plain(array: NDArray) -> NDArray:
 
 
 def root_steps(database: Database) -> NDArray[np.float32]:
-    """The ground root's motion, float32 [T, 6]: displacement x, z (m) and turn (rad) since the previous frame,
-    in the previous root's space; velocity x, z (m/s) and turn rate (rad/s) in the root's own space.
+    """The ground root's motion, float32 [T, 6]: displacement x, z (m) and turn (rad) since the previous
+    frame, in the previous root's space; velocity x, z (m/s) and turn rate (rad/s) in the root's own space.
 
     A range's first frame moves as its second does.
     """

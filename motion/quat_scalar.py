@@ -63,8 +63,8 @@ def exp(v):
     x, y, z = v
     h = (x * x + y * y + z * z) / 4
     if h < 2.5:
-        # Angles up to pi: the series of cos(a/2) and sin(a/2)/a in h = (a/2)^2 end below 1e-13, and need neither
-        # a root nor a branch at zero.
+        # Angles up to pi: the series of cos(a/2) and sin(a/2)/a in h = (a/2)^2 end below 1e-13, and need
+        # neither a root nor a branch at zero.
         c = 1 - h * (1 / 2 - h * (1 / 24 - h * (1 / 720 - h * (1 / 40320 - h * (1 / 3628800 - h * (
             1 / 479001600 - h * (1 / 87178291200 - h / 20922789888000)))))))  # fmt: skip
         s = 1 - h * (1 / 6 - h * (1 / 120 - h * (1 / 5040 - h * (1 / 362880 - h * (1 / 39916800 - h * (
@@ -106,6 +106,8 @@ def between(u, v):
     length = math.sqrt(w * w + x * x + y * y + z * z)
     if length < 1e-9 * dot(u, u):
         w = 0.0
-        x, y, z = cross(u, (1.0, 0.0, 0.0)) if abs(u[0]) < abs(u[1]) + abs(u[2]) else cross(u, (0.0, 1.0, 0.0))
+        x, y, z = (
+            cross(u, (1.0, 0.0, 0.0)) if abs(u[0]) < abs(u[1]) + abs(u[2]) else cross(u, (0.0, 1.0, 0.0))
+        )
         length = math.sqrt(x * x + y * y + z * z)
     return w / length, x / length, y / length, z / length

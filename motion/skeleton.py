@@ -21,7 +21,7 @@ class Skeleton:
     parents : int32 [J], the parent's index, -1 for joint 0 only.
     offsets : float64 [J, 3], rest position of each joint in its parent's frame, metres.
     roles : role name (see `motion.roles.ROLES`) to joint index; what schemas refer to.
-    end_sites : joint index to the offset of its end site [3], metres (BVH ``End Site``), for joints that have one.
+    end_sites : joint index to the offset of its end site [3], metres (BVH ``End Site``), where there is one.
     """
 
     names: tuple[str, ...]

@@ -1,4 +1,4 @@
-"""The controller: the compiled kernels against their twin, N against 1, and what a user sees of a character."""
+"""The controller: compiled kernels against their twin, N against 1, and what a user sees of a character."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import synthetic
+
 from mm import springs
 from mm.build import build
 from mm.control import Command
 from mm.controller import Controller, box, circle
 from mm.settings import Settings
-
 from motion import bvh, kinematics
 from motion.errors import UserError
 from motion.pose import Poses
@@ -132,7 +132,7 @@ def test_searches_come_every_interval_and_when_the_command_changed_abruptly(data
 
 
 def test_a_transition_shows_no_jump(database):
-    """At a jump a joint moves no further than its speed before and after allows, plus the spring's catch-up."""
+    """At a jump a joint moves no further than its speeds before and after allow, plus the spring's pull."""
     records = drive(Controller(database, settings=Settings(foot_lock=False)), 300)
     positions, rotations = stack(records, "positions")[:, 0], stack(records, "rotations")[:, 0]
     positions[:, 0], rotations[:, 0] = 0, (1, 0, 0, 0)
@@ -247,7 +247,7 @@ def test_tags_limit_the_search(database):
 
     with pytest.raises(UserError, match="tags that no frame bears"):
         drive(Controller(database), 40, impossible)
-    with pytest.raises(UserError, match="no tag 'dance'.*straight"):
+    with pytest.raises(UserError, match=r"no tag 'dance'.*straight"):
         database.tag_mask(["dance"])
 
 

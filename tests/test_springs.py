@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from mm import springs
 from scipy.integrate import quad, solve_ivp
+
+from mm import springs
 
 HALFLIFE = 0.27
 
