@@ -89,4 +89,18 @@ def _mm27() -> Schema:
     return _lmm27("mm27", "continue")
 
 
-_BUILDERS = {"mm27": _mm27, "lmm27": _lmm27, "o3de59": _o3de59}
+def _quadruped39() -> Schema:
+    """The 39 numbers of four feet: as mm27, with the front paws. A quadruped's front legs are its arms."""
+    feet = [f"{side}_{part}" for part in ("foot", "hand") for side in ("left", "right")]
+    *_, hips, position, direction = _mm27().features
+    return Schema(
+        "quadruped39",
+        (
+            *(Feature(f"{foot}_position", "position", foot, weight=0.75) for foot in feet),
+            *(Feature(f"{foot}_velocity", "velocity", foot) for foot in feet),
+            *(hips, position, direction),
+        ),
+    )
+
+
+_BUILDERS = {"mm27": _mm27, "lmm27": _lmm27, "o3de59": _o3de59, "quadruped39": _quadruped39}

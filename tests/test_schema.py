@@ -52,6 +52,14 @@ def test_lmm27_has_the_published_columns_in_order():
     assert schema.pose_columns().tolist() == list(range(15))
 
 
+def test_quadruped39_has_four_feet_and_mm27s_trajectory():
+    schema, two = Schema.load("quadruped39"), Schema.load("mm27")
+    assert schema.size == 39 and schema.columns[24:] == two.columns[12:]
+    assert schema.features[8:] == two.features[4:]
+    assert schema.roles() == ("left_foot", "right_foot", "left_hand", "right_hand", "hips")
+    assert [f.weight for f in schema.features[:8]] == [0.75] * 4 + [1.0] * 4
+
+
 def test_o3de59_has_the_published_blocks():
     schema = Schema.load("o3de59")
     assert schema.size == 59
