@@ -115,7 +115,7 @@ def build(
     grounded = _ground(clips, target, fps, work)
     _note_unmatchable(grounded, names, fps, work)
     bits = [tagging.mark(rules, *clip, fps) for clip in zip(names, cuts, map(len, grounded), strict=True)]
-    flat = skeletons.flat((*schema.roles(), "left_foot", "right_foot")) if roles_only else None
+    flat = _flat(schema, grounded) if roles_only else None
     return _assemble(grounded, names, bits, tagging.names(rules), schema, float(fps), mirror, flat, work)
 
 
@@ -198,6 +198,8 @@ def _assemble(
     starts = (stops - counts).astype(np.int32)
     skeleton = flat or clips[0].skeleton
     contact_roles = parts.contact_roles(skeleton)
+    if contact_roles and _on_all_fours(clips):
+        contact_roles += contact_detection.HANDS
     poses = Poses.empty(int(stops[-1]), len(skeleton))
     contacts = np.zeros((len(poses), len(contact_roles)), np.uint8)
     plans = mirroring.plans(clips) if mirror else []
@@ -234,6 +236,22 @@ def _assemble(
         tags=np.concatenate([mark for mark in bits for _ in range(copies)]),
         tag_names=tag_names,
     )
+
+
+def _on_all_fours(clips: Sequence[Clip]) -> bool:
+    """Whether most clips, weighed by their lengths, are of animals on four legs."""
+    votes = [
+        len(clip)
+        * (role_maps.on_all_fours(clip.skeleton, contact_detection.some_positions([clip], 20)) - 0.5)
+        for clip in clips
+    ]
+    return sum(votes) > 0
+
+
+def _flat(schema: Schema, clips: Sequence[Clip]) -> Skeleton:
+    """The joints that the schema names and those that touch the ground."""
+    hands = contact_detection.HANDS if _on_all_fours(clips) else ()
+    return skeletons.flat((*schema.roles(), "left_foot", "right_foot", *hands))
 
 
 def _names(clips: Sequence[Clip]) -> list[str]:

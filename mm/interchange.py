@@ -389,8 +389,12 @@ def _motion(raw: Raw, skeleton: Skeleton, fps: float) -> tuple[Poses, NDArray[np
     """Poses, contacts [T, C] and their roles; what the file lacks of them is computed."""
     from . import parts
 
-    roles = parts.contact_roles(skeleton)
+    sample = np.linspace(0, len(raw.positions) - 1, 200).astype(int)
+    pose, _ = kinematics.forward(skeleton, raw.positions[sample], raw.rotations[sample])
+    roles = parts.contact_roles(skeleton, pose)
     if raw.velocities is not None and raw.angular_velocities is not None and raw.contacts is not None:
+        if raw.contacts.shape[1] == 2 < len(roles):
+            roles = roles[:2]
         if raw.contacts.shape[1] != len(roles):
             roles = tuple(f"contact_{c}" for c in range(raw.contacts.shape[1]))
         return (
@@ -431,8 +435,11 @@ def _mirrors(raw: Raw, one: slice, other: slice) -> bool:
         return False
     if raw.contacts is None:
         return bool(np.ptp(here[:, 0]) > 0.01)
-    feet, swapped = raw.contacts[one], raw.contacts[other, ::-1]
-    sided = np.ptp(here[:, 0]) > 0.01 or np.any(feet != feet[:, ::-1])
+    columns = np.arange(raw.contacts.shape[1])
+    if len(columns) % 2 == 0:
+        columns ^= 1  # left and right stand in pairs
+    feet, swapped = raw.contacts[one], raw.contacts[other][:, columns]
+    sided = np.ptp(here[:, 0]) > 0.01 or np.any(feet != feet[:, columns])
     return bool(sided and np.mean(feet == swapped) > 0.95)
 
 

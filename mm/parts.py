@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from features import extract, normalise
 from features.schema import Schema
+from motion import contacts
 from motion.errors import UserError
 from motion.pose import Poses
 from motion.skeleton import Skeleton
@@ -28,13 +29,12 @@ def compute_features(
     return normalise.normalise(raw, offset, scale), offset, scale
 
 
-def contact_roles(skeleton: Skeleton) -> tuple[str, ...]:
-    """The joints that touch the ground, left before right: toes, or feet where a toe is missing."""
-    for part in ("toe", "foot"):
-        pair = (f"left_{part}", f"right_{part}")
-        if all(role in skeleton.roles for role in pair):
-            return pair
-    return ()
+def contact_roles(skeleton: Skeleton, positions: NDArray | None = None) -> tuple[str, ...]:
+    """The joints that touch the ground (see `motion.contacts.contact_roles`), none where no role tells."""
+    try:
+        return contacts.contact_roles(skeleton, positions)
+    except UserError:
+        return ()
 
 
 def check_roles(schema: Schema, skeleton: Skeleton, path: str | os.PathLike[str] | None) -> None:

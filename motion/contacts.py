@@ -10,17 +10,23 @@ from numpy.typing import NDArray
 from . import kinematics
 from .clip import Clip
 from .errors import UserError
+from .roles import on_all_fours
 from .skeleton import Skeleton
 
+HANDS = ("left_hand", "right_hand")
 SPEED, WINDOW = 0.15, 0.1  # m/s; seconds, 6 frames at 60 Hz
 
 
-def contact_roles(skeleton: Skeleton) -> tuple[str, ...]:
-    """The roles whose contacts are told by default, left before right: toes, or feet where there are none."""
+def contact_roles(skeleton: Skeleton, positions: NDArray | None = None) -> tuple[str, ...]:
+    """The roles whose contacts are told by default, left before right: toes, or feet where there are none.
+
+    The hands follow where world positions [T, J, 3] of some frames show the body on all fours.
+    """
     for part in ("toe", "foot"):
         roles = (f"left_{part}", f"right_{part}")
         if all(role in skeleton.roles for role in roles):
-            return roles
+            fours = positions is not None and on_all_fours(skeleton, positions)
+            return (*roles, *HANDS) if fours else roles
     known = ", ".join(skeleton.roles) or "none"
     raise UserError(
         f"no pair of toes or feet to tell contacts of (roles found: {known})",
@@ -35,10 +41,21 @@ def contacts(
 
     Still means slower than speed (m/s), after a median filter over window seconds (REFERENCE 2.6).
     """
-    roles = contact_roles(clip.skeleton) if roles is None else roles
+    if roles is None:
+        roles = contact_roles(clip.skeleton, some_positions([clip]))
     joints = [clip.skeleton.role(role) for role in roles]
     velocities = _world_velocities(clip, joints)
     return still(velocities, clip.fps, speed=speed, window=window)
+
+
+def some_positions(clips: Sequence[Clip], count: int = 200) -> NDArray[np.floating]:
+    """World positions [S, J, 3] at about count frames, spread over clips of one skeleton."""
+    step = max(1, sum(map(len, clips)) // count)
+    positions, rotations = (
+        np.concatenate([getattr(clip, what)[step // 2 % len(clip) :: step] for clip in clips])
+        for what in ("positions", "rotations")
+    )
+    return kinematics.forward(clips[0].skeleton, positions, rotations)[0]
 
 
 def still(

@@ -231,6 +231,16 @@ def test_other_bone_lengths_are_fitted_to_the_first_clip_s(walker_files: Path, t
         np.testing.assert_allclose(height, 1.1 * synthetic.HIPS, atol=0.01)
 
 
+@pytest.mark.parametrize("flat", [False, True])
+def test_four_paws_touch_the_ground(data: Path, flat: bool) -> None:
+    db = build.build(data / "dog_mann/D1_010_KAN01_004.bvh", schema="quadruped39", roles_only=flat)
+    assert db.contact_roles == ("left_foot", "right_foot", "left_hand", "right_hand")
+    assert db.features.shape == (720, 39)
+    assert db.contacts.any(axis=0).all() and not db.contacts.all(axis=0).any()
+    plain, mirrored = (db.contacts[_range(db, db.names[0], side)] for side in (False, True))
+    np.testing.assert_array_equal(mirrored, plain[:, [1, 0, 3, 2]])
+
+
 def test_a_skeleton_and_roles_only_exclude_each_other(walker_files: Path) -> None:
     with pytest.raises(UserError, match="leave --skeleton or --roles-only out"):
         build.build(walker_files, skeleton=walker_files / "run.bvh", roles_only=True)

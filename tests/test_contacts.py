@@ -32,6 +32,20 @@ def test_roles_default_to_toes_else_feet(walker):
         contacts.contact_roles(skeleton.with_roles({"hips": 0}))
 
 
+def test_hands_count_for_a_body_on_all_fours(data):
+    paws = ("left_foot", "right_foot", "left_hand", "right_hand")
+    for name, roles in (
+        ("dog_mann/D1_010_KAN01_002.bvh", paws),
+        ("lafan1/original_30fps/obstacles1_subject2.bvh", ("left_toe", "right_toe")),
+        ("bandai/dataset-1/dataset-1_run_normal_001.bvh", ("left_toe", "right_toe")),
+    ):
+        clip = sources.load(data / name)
+        assert contacts.contact_roles(clip.skeleton, contacts.some_positions([clip])) == roles
+        found = contacts.contacts(clip)
+        assert found.shape == (len(clip), len(roles))
+    assert contacts.contact_roles(clip.skeleton) == ("left_toe", "right_toe")
+
+
 @pytest.mark.parametrize("size", [1, 2, 3, 5, 6, 7])
 def test_median_is_scipys(size):
     flags = np.random.default_rng(4).random((300, 2)) < 0.5

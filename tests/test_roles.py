@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from motion import bvh, kinematics, roles, sources
+from motion import bvh, contacts, kinematics, quat, roles, sources
 from motion.errors import UserError
 from motion.skeleton import Skeleton
 
@@ -280,3 +280,34 @@ def test_overrides_that_do_not_exist(tmp_path, walker):
         roles.apply(walker.skeleton, {"left_foot": "Paw"})
     with pytest.raises(UserError, match=r"unknown role 'paw'.*left_foot"):
         roles.apply(walker.skeleton, {"paw": "LeftToe"})
+
+
+def crawling(clip):
+    """World positions of the walker with knees, back and arms bent, so that the hands come to the ground."""
+    rotations, positions = clip.rotations.copy(), clip.positions.copy()
+    skeleton = clip.skeleton
+    rotations[:, skeleton.index("Spine")] = quat.from_axis_angle([1.0, 0.0, 0.0], np.radians(100))
+    for side in ("Left", "Right"):
+        rotations[:, skeleton.index(side + "Arm")] = quat.from_axis_angle([1.0, 0.0, 0.0], -np.radians(100))
+        rotations[:, skeleton.index(side + "ForeArm")] = quat.identity()
+        rotations[:, skeleton.index(side + "UpLeg")] = quat.from_axis_angle([1.0, 0.0, 0.0], -1.4)
+        rotations[:, skeleton.index(side + "Leg")] = quat.from_axis_angle([1.0, 0.0, 0.0], 2.6)
+    return kinematics.forward(skeleton, positions, rotations)[0]
+
+
+def test_who_walks_on_all_fours(walker):
+    skeleton = walker.skeleton
+    upright = kinematics.forward(skeleton, walker.positions, walker.rotations)[0]
+    down = crawling(walker)
+    assert not roles.on_all_fours(skeleton, upright)
+    assert roles.on_all_fours(skeleton, down)
+    # Down now and then is not.
+    assert not roles.on_all_fours(skeleton, np.concatenate([upright, down[:200]]))
+    no_hands = {role: j for role, j in skeleton.roles.items() if not role.endswith("hand")}
+    assert not roles.on_all_fours(skeleton.with_roles(no_hands), down)
+
+
+def test_animals_and_people(data):
+    for folder, fours in (("dog_mann", True), ("bandai/dataset-2", False), ("cmu/asfamc", False)):
+        clips = [sources.load(file) for file in sources.find(data / folder)[::12]]
+        assert all(roles.on_all_fours(c.skeleton, contacts.some_positions([c])) == fours for c in clips)
