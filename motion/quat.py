@@ -196,8 +196,8 @@ def from_yaw(angle: ArrayLike) -> Array:
 
 def yaw(q: Array) -> Array:
     """Heading angle ``[...]`` of the rotated +Z axis, atan2(x, z)."""
-    forward = rotate(q, np.broadcast_to(np.array(_AXES["z"], q.dtype), (*q.shape[:-1], 3)))
-    return np.arctan2(forward[..., 0], forward[..., 2])
+    w, x, y, z = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
+    return np.arctan2(2 * (x * z + w * y), 1 - 2 * (x * x + y * y))
 
 
 def angle_between(a: Array, b: Array) -> Array:
