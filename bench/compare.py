@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
+import hashlib
 import math
+from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from mm import course as courses_
 from mm import recording, speeds
@@ -19,14 +23,15 @@ from motion import console
 from motion.errors import UserError
 
 from . import quality, timing
-from .driving import Clock
+from .driving import Again, Clock, Diverged
 from .systems import Entry, choose
 
 COURSES = ("thesis", "circle", "star", "start-stop", "turn-180", "strafe", "random")
 SECONDS = 60.0  # at most, of each course
-TIMED_SECONDS = 10.0
+TIMED_SECONDS, REPEATS = 5.0, 3
 WORST = ("pop_cm",)  # of these a system's summary row has the largest, of all other metrics the mean
 DATA = "(the clips)"
+KEPT = 8  # ways of a course, the last ones, that are tried before the driver is asked
 
 
 @dataclass(eq=False)
@@ -97,28 +102,35 @@ def compare(
             f"course speeds are scaled to the data: the fastest walk to {walk:.2f} m/s, "
             f"the fastest run to {run:.2f} m/s"
         )
-    notes += [f"the obstacles of course {c.name} are left out" for c in played if c.circles or c.boxes]
     feet = quality.Feet.of(database)
     rows, traces = [], []
     costs: dict[str, list[timing.Cost]] = {}
     jobs = [(entry, course) for entry in chosen for course in played]
+    runs = {course.name: _Runs(course, feet, seconds) for course in played}
     system: System | None = None
+    built: tuple[Any, ...] = ()
     absent: set[str] = set()
     for entry, course in console.progress(jobs, label="compare", unit="runs") if progress else jobs:
         if entry.name in absent:
             continue
-        if system is None or system.name != entry.name:
+        obstacles = course.obstacles()
+        if built != (entry.name, obstacles.tobytes()):
             try:
-                system = entry.make(database, 1)
+                system = entry.make(database, 1, obstacles=obstacles)
             except UserError as error:
                 if systems is not None or indexes is not None:
                     raise
                 absent.add(entry.name)
                 notes.append(f"{entry.name} is left out: {error}")
                 continue
-            system.name = entry.name
-        row, trace, cost = _run(system, course, feet, seconds, timed_seconds)
-        rows.append(row)
+            system.name, built = entry.name, (entry.name, obstacles.tobytes())
+        assert system is not None
+        frames = max(1, round(timed_seconds * system.fps))
+        with timing.single_thread():  # libraries that start threads for one query take longer
+            clock, searched, metrics, trace = runs[course.name].judge(system)
+            cost = timing.frame_cost(system, clock, frames, searched=searched, repeats=REPEATS)
+        row = {"system": entry.name, "course": course.name, "seconds": len(trace.walked) / system.fps}
+        rows.append(row | memory_mb(system) | cost.microseconds() | metrics)
         traces.append(trace)
         costs.setdefault(entry.name, []).append(cost)
     table = pd.DataFrame(rows)
@@ -174,20 +186,46 @@ def _chosen(systems: Sequence[str | Entry] | None, indexes: Sequence[str] | None
     return list(systems)  # type: ignore[arg-type]
 
 
-def _run(
-    system: System, course: Course, feet: quality.Feet, seconds: float, timed_seconds: float
-) -> tuple[dict[str, Any], quality.Trace, timing.Cost]:
-    """One system on one course: its row, its trace, its cost."""
-    seconds = min(seconds, natural_seconds(course))
-    clock = Clock(course, system.count, system.fps)
-    run = recording.record(system, course, seconds=seconds, driver=clock, progress=_silent)
-    metrics, trace = quality.judge(
-        run.arrays, system.skeleton, system.fps, feet, run.path, system=system.name, course=course.name
-    )
-    frames = len(trace.walked)
-    cost = timing.frame_cost(system, clock, max(1, round(timed_seconds * system.fps)))
-    row = {"system": system.name, "course": course.name, "seconds": frames / system.fps}
-    return row | memory_mb(system) | cost.microseconds() | metrics, trace, cost
+class _Runs:
+    """The runs of all systems over one course. What was done before is not done again.
+
+    Systems that go the same way are asked the same (see `bench.driving.Again`), and those that show the same
+    poses are judged once: exact indexes all find the same frames.
+    """
+
+    def __init__(self, course: Course, feet: quality.Feet, seconds: float) -> None:
+        self._course, self._feet, self._seconds = course, feet, min(seconds, natural_seconds(course))
+        self._ways: deque[Clock] = deque(maxlen=KEPT)
+        self._judged: dict[bytes, tuple[dict[str, float], quality.Trace]] = {}
+
+    def judge(
+        self, system: System
+    ) -> tuple[Clock, NDArray[np.bool_] | None, dict[str, float], quality.Trace]:
+        """Drive a system: what it was asked, which steps searched (if it tells), its metrics and trace."""
+        clock, tape = self._drive(system)
+        key = hashlib.blake2b()
+        for name in ("positions", "rotations", "transition"):
+            key.update(np.ascontiguousarray(tape[name]))
+        if key.digest() not in self._judged:
+            self._judged[key.digest()] = quality.judge(
+                tape.arrays, system.skeleton, system.fps, self._feet, tape.path, course=self._course.name
+            )
+        metrics, trace = self._judged[key.digest()]
+        searched = tape["searched"].any(axis=1) if "searched" in tape.arrays else None
+        return clock, searched, metrics, replace(trace, system=system.name)
+
+    def _drive(self, system: System) -> tuple[Clock, recording.Recording]:
+        for before in reversed(self._ways):
+            if (before.count, before.fps) != (system.count, system.fps):
+                continue
+            with contextlib.suppress(Diverged):
+                return before, self._record(system, Again(before))
+        clock = Clock(self._course, system.count, system.fps)
+        self._ways.append(clock)
+        return clock, self._record(system, clock)
+
+    def _record(self, system: System, clock: Clock) -> recording.Recording:
+        return recording.record(system, self._course, seconds=self._seconds, driver=clock, progress=_silent)
 
 
 def _silent(items: Iterator[int], **_: Any) -> Iterator[int]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from mm.control import Command, System
@@ -16,22 +17,50 @@ from motion import quat
 class Clock(Driver):
     """A driver that goes on when all have arrived, so that every system is judged over the same time.
 
-    `commands` keeps what was asked since the last reset: a system that gets them again does the same again.
+    `commands` keeps what was asked since the last reset, and `seen` where the characters were then: a system
+    that gets the commands again does the same again.
     """
 
     def __init__(self, course: Course, count: int, fps: float, *, spread: bool = False) -> None:
         self.commands: list[Command] = []
+        self.seen: list[tuple[NDArray, NDArray]] = []
         super().__init__(course, count, fps, spread=spread)
 
     def reset(self) -> None:
         super().reset()
         self.commands.clear()
+        self.seen.clear()
 
     def command(self, time: float, positions: NDArray, yaws: NDArray) -> Command:
         command = super().command(time, positions, yaws)
         self.done = False
         self.commands.append(command)
+        self.seen.append((positions, yaws))
         return command
+
+
+class Diverged(Exception):
+    """A system left the way of an earlier run."""
+
+
+class Again(Clock):
+    """Asks what an earlier run was asked, as long as the system goes the very same way; else `Diverged`.
+
+    A driver sees only where the characters are: who goes where the other went would have been asked the
+    same, and need not wait for the driver.
+    """
+
+    def __init__(self, before: Clock) -> None:
+        self._before = before
+        super().__init__(before.course, before.count, before.fps)
+
+    def command(self, time: float, positions: NDArray, yaws: NDArray) -> Command:
+        frame = len(self.commands)
+        there, facing = self._before.seen[frame]
+        if not (np.array_equal(positions, there) and np.array_equal(yaws, facing)):
+            raise Diverged
+        self.commands.append(self._before.commands[frame])
+        return self.commands[frame]
 
 
 def drive(system: System, clock: Clock) -> Iterator[int]:

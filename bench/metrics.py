@@ -17,6 +17,7 @@ Array = NDArray[np.floating]
 
 SKATE_HEIGHT = 0.025  # H of the foot-skate formula, metres
 CONTACT_HEIGHT, SKATE_SPEED = 0.05, 0.5  # skate ratio: metres, m/s
+MOVING, FEWEST = 0.25, 10  # the root's speed, m/s, and the frames from which a foot's resting height is known
 SMOOTHING = 0.2  # seconds over which the root's speed and heading are averaged
 PATH_WINDOW = (0.5, 1.5)  # metres back and ahead along the path that the next frame's nearest point may lie
 
@@ -59,14 +60,31 @@ def velocity_error(truth: Array, found: Array, fps: float) -> Errors:
     return _errors(100 * fps * np.linalg.norm(moved - should, axis=-1))
 
 
-def resting_heights(feet: Array, *, percentile: float = 5) -> Array:
-    """Height [C] at which each foot joint stands: a low percentile of y over all frames of feet [..., C, 3].
+def resting_heights(
+    feet: Array,
+    contacts: ArrayLike | None = None,
+    speed: ArrayLike | None = None,
+    *,
+    moving: float = MOVING,
+    percentile: float = 5,
+) -> Array:
+    """Height [C] at which each foot joint stands while the character walks.
 
-    Skeletons differ: a toe joint stands at 1 to 4 cm, an ankle at 7 to 12 cm. A low percentile, not the
-    minimum, so that capture noise and a few frames below the floor do not set it.
+    The median of y of feet [T, C, 3] over the frames in contact (contacts [T, C]) while the root is faster
+    than moving (speed [T], m/s): whoever sits or lies rests a foot joint lower than it ever stands. Feet with
+    fewer than 10 such frames, and all feet where contacts or speed are not given, take a low percentile over
+    all frames; not the minimum, so that capture noise and a few frames below the floor do not set it.
+
+    Skeletons differ: a toe joint stands at 1 to 4 cm, an ankle at 7 to 12 cm, a dog's hock at 12 cm.
     """
-    feet = np.asarray(feet)
-    return np.percentile(feet[..., 1].reshape(-1, feet.shape[-2]), percentile, axis=0)
+    y = np.asarray(feet, np.float64)[..., 1]
+    heights = np.percentile(y, percentile, axis=0)
+    if contacts is None or speed is None:
+        return heights
+    steps = np.asarray(contacts, bool) & (np.asarray(speed) > moving)[:, None]
+    for c in np.flatnonzero(steps.sum(axis=0) >= FEWEST):
+        heights[c] = np.median(y[steps[:, c], c])
+    return heights
 
 
 def _steps(feet: Array, fps: float, rest: ArrayLike) -> tuple[Array, Array]:
@@ -91,9 +109,8 @@ def skate(feet: Array, fps: float, rest: ArrayLike = 0.0, *, height: float = SKA
 
 
 def foot_skate(feet: Array, fps: float, rest: ArrayLike = 0.0, *, height: float = SKATE_HEIGHT) -> float:
-    """Mean of `skate` over frames and feet, cm/s."""
-    values = skate(feet, fps, rest, height=height)
-    return float(values.mean()) if values.size else 0.0
+    """Mean of `skate` over frames and feet, cm/s; NaN without feet or without two frames."""
+    return mean(skate(feet, fps, rest, height=height))
 
 
 def skate_ratio(
@@ -107,12 +124,12 @@ def skate_ratio(
     """Share of steps between frames in which any foot of feet [T, ..., C, 3] skates.
 
     A foot skates when it is lower than height (above rest) in both frames and its horizontal speed between
-    them exceeds speed.
+    them exceeds speed. NaN without feet or without two frames.
     """
     moved, above = _steps(feet, fps, rest)
     low = above < height
     skates = low[1:] & low[:-1] & (moved > speed)
-    return float(skates.any(axis=-1).mean()) if skates.size else 0.0
+    return float(skates.any(axis=-1).mean()) if skates.size else float("nan")
 
 
 def glide_share(feet: Array, root: Array, fps: float, *, speed: float = 0.3, share: float = 0.5) -> float:
@@ -121,9 +138,11 @@ def glide_share(feet: Array, root: Array, fps: float, *, speed: float = 0.3, sha
     feet [T, ..., C, 3] and root [T, ..., 2] in the world, metres. A foot that stands moves at the root's
     speed relative to the root. A frame glides when the root is faster than speed (m/s) and every foot's
     horizontal velocity relative to it is below share of that; averages over 0.2 s. This sees what skate
-    cannot: a pose that is carried along with its feet in the air.
+    cannot: a pose that is carried along with its feet in the air. NaN without feet.
     """
     feet = np.asarray(feet, np.float64)[..., [0, 2]]
+    if feet.size == 0:
+        return float("nan")
     root = np.asarray(root, np.float64)
     travel = root_speed(root, fps)
     under = root_speed(feet - root[..., None, :], fps).max(axis=-1)
@@ -337,6 +356,11 @@ def responsiveness(
         len(of_heading),
         float(np.isfinite(both).mean()) if len(both) else float("nan"),
     )
+
+
+def mean(values: Array) -> float:
+    """Mean of all values; NaN when there are none."""
+    return float(values.mean()) if values.size else float("nan")
 
 
 def nanmean(values: ArrayLike) -> float:

@@ -32,15 +32,10 @@ class Feet:
         """The contact joints of a database; heights from up to 30,000 of its frames (`resting_heights`)."""
         joints = [database.skeleton.role(role) for role in database.contact_roles]
         frames = np.linspace(0, len(database) - 1, min(len(database), SAMPLED_FRAMES)).astype(np.int64)
-        poses = database.poses
-        return Feet(
-            joints,
-            metrics.resting_heights(
-                world_positions(database.skeleton, poses.positions[frames], poses.rotations[frames])[
-                    :, joints
-                ]
-            ),
-        )
+        poses = database.poses[frames]
+        world = world_positions(database.skeleton, poses.positions, poses.rotations)
+        speed = np.linalg.norm(poses.velocities[:, 0][:, [0, 2]], axis=-1)
+        return Feet(joints, metrics.resting_heights(world[:, joints], database.contacts[frames], speed))
 
 
 def world_positions(skeleton: Skeleton, positions: Array, rotations: Array) -> Array:
@@ -131,7 +126,8 @@ def judge(
         "speed_mps": float(metrics.root_speed(root, fps).mean()),
         "speed_ratio": metrics.speed_ratio(root, asked, fps),
     }
-    skate = metrics.skate(standing, fps, feet.rest)[:, 0].mean(axis=-1)
+    skate = metrics.skate(standing, fps, feet.rest)[:, 0]
+    skate = skate.mean(axis=-1) if feet.joints else np.full(len(skate), np.nan)
     frames = np.linspace(0, len(world) - 1, min(STRIP_POSES, len(world))).astype(np.int64)
     trace = Trace(
         system,

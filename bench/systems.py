@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import fnmatch
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, Protocol
+
+from numpy.typing import ArrayLike
 
 from mm.control import System
 from mm.database import Database
 from motion.errors import UserError
 
-Factory = Callable[[Database, int], System]
+
+class Factory(Protocol):
+    """Builds a system of count characters that keep off obstacles [M, 5] (see `mm.controller`)."""
+
+    def __call__(self, database: Database, count: int, *, obstacles: ArrayLike = ()) -> System: ...
 
 
 @dataclass(frozen=True)
@@ -32,7 +38,7 @@ _REGISTERED: dict[str, Entry] = {}
 
 
 def register(name: str, make: Factory, about: str = "") -> None:
-    """Add a system, or replace the one of that name. make(database, count) builds it."""
+    """Add a system, or replace the one of that name."""
     _REGISTERED[name] = Entry(name, make, about)
 
 
@@ -58,21 +64,26 @@ def motion_matching(indexes: Iterable[str] | None = None) -> list[Entry]:
 
 
 def _controller(
-    index: str, locked: bool, shared: dict[tuple[int, str], Any], database: Database, count: int
+    index: str,
+    locked: bool,
+    shared: dict[tuple[int, str], Any],
+    database: Database,
+    count: int,
+    *,
+    obstacles: ArrayLike = (),
 ) -> System:
     from mm.controller import Controller, build_index
     from mm.settings import Settings
 
-    name, settings, key = (
-        f"mm-{index}{'' if locked else '-free'}",
-        Settings(foot_lock=locked),
-        (id(database), index),
-    )
+    name, settings = f"mm-{index}{'' if locked else '-free'}", Settings(foot_lock=locked)
+    key = (id(database), index)
     if key not in shared:
         # The last one only: it serves the pair with and without locking, all of them would fill the memory.
         shared.clear()
         shared[key] = build_index(database, index, settings)
-    return Controller(database, count=count, settings=settings, index=shared[key], name=name)
+    return Controller(
+        database, count=count, settings=settings, index=shared[key], obstacles=obstacles, name=name
+    )
 
 
 def entries(indexes: Iterable[str] | None = None) -> list[Entry]:

@@ -35,7 +35,6 @@ def single_thread() -> Iterator[None]:
         numba.set_num_threads(1)
         if faiss:
             faiss.omp_set_num_threads(1)
-        gc.collect()
         gc.disable()
         yield
     finally:
@@ -84,45 +83,53 @@ class Cost:
         )
 
 
-def frame_cost(system: Any, clock: Any, frames: int, *, warm: int = 30, repeats: int = 3) -> Cost:
+def frame_cost(
+    system: Any,
+    clock: Any,
+    frames: int,
+    *,
+    searched: NDArray[np.bool_] | None = None,
+    warm: int = 30,
+    repeats: int = 3,
+) -> Cost:
     """Time a system that gets the first so many commands of a `bench.driving.Clock` again, step after step.
 
-    First whole steps, then stages, where the system tells them.
+    First whole steps, then stages, where the system tells them. searched [T]: which steps of the run that the
+    clock drove made a search.
     """
     commands = clock.commands[:frames]
     with single_thread():
-        runs = [_replay(system, clock, commands, warm) for _ in range(repeats)]
-        whole = np.min([seconds for seconds, _, _ in runs], axis=0)
-        if not hasattr(system, "timed"):
-            return Cost(whole, {}, np.zeros(len(whole), bool))
-        system.timed = True
-        try:
-            runs = [_replay(system, clock, commands, warm) for _ in range(repeats)]
-        finally:
-            system.timed = False
-    stages = {name: np.min([stages[name] for _, stages, _ in runs], axis=0) for name in runs[0][1]}
-    return Cost(whole, stages, runs[0][2])
+        whole = np.min([_replay(system, clock, commands, warm)[0] for _ in range(repeats)], axis=0)
+        stages: dict[str, NDArray[np.float64]] = {}
+        if hasattr(system, "timed"):
+            system.timed = True
+            try:
+                runs = [_replay(system, clock, commands, warm)[1] for _ in range(repeats)]
+            finally:
+                system.timed = False
+            stages = {name: np.min([run[name] for run in runs], axis=0) for name in runs[0]}
+    none = np.zeros(len(commands), bool)
+    return Cost(whole, stages, none if searched is None else searched[: len(commands)])
 
 
 def _replay(
     system: Any, clock: Any, commands: Sequence[Any], warm: int
-) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]], NDArray[np.bool_]]:
-    """Seconds [T] of each step, of each stage, and which steps searched."""
+) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]:
+    """Seconds [T] of each step, and of each stage of it."""
     system.reset(clock.starts, clock.yaws)
     for command in commands[:warm]:
         system.step(command)
     system.reset(clock.starts, clock.yaws)
     timed = getattr(system, "timed", False)
-    whole, searched, rows = np.zeros(len(commands)), np.zeros(len(commands), bool), []
+    whole, rows = np.zeros(len(commands)), []
     for t, command in enumerate(commands):
         start = time.perf_counter()
         system.step(command)
         whole[t] = time.perf_counter() - start
         if timed:
             rows.append(dict(system.stage_seconds))
-            searched[t] = system.record()["searched"].any()
     names = {name: None for row in rows for name in row}
-    return whole, {name: np.array([row.get(name, 0.0) for row in rows]) for name in names}, searched
+    return whole, {name: np.array([row.get(name, 0.0) for row in rows]) for name in names}
 
 
 def best_of(function: Callable[[], Any], *, repeats: int = 5, least: float = 0.0) -> list[float]:

@@ -70,8 +70,8 @@ STEPS = Course(
 @pytest.fixture(scope="module")
 def known(database):
     entries = [
-        systems.Entry("obedient", lambda db, n: Obedient(db, n, "obedient")),
-        systems.Entry("half", lambda db, n: Obedient(db, n, "half", share=0.5)),
+        systems.Entry("obedient", lambda db, n, obstacles=(): Obedient(db, n, "obedient")),
+        systems.Entry("half", lambda db, n, obstacles=(): Obedient(db, n, "half", share=0.5)),
     ]
     return compare(
         database, courses=[STRAIGHT, STEPS], systems=entries, seconds=5, timed_seconds=0.2, scale=False
@@ -169,14 +169,14 @@ def test_speeds_are_scaled_to_the_data_and_it_says_so(matched, database):
 
 
 def test_a_system_that_the_database_cannot_have_is_left_out_with_a_note(database, monkeypatch):
-    def impossible(database, count):
+    def impossible(database, count, *, obstacles=()):
         raise UserError("needs more data")
 
     monkeypatch.setattr(
         systems,
         "motion_matching",
         lambda indexes=None: [
-            systems.Entry("obedient", lambda db, n: Obedient(db, n, "obedient")),
+            systems.Entry("obedient", lambda db, n, obstacles=(): Obedient(db, n, "obedient")),
             systems.Entry("big", impossible),
         ],
     )
@@ -190,7 +190,7 @@ def test_a_system_that_the_database_cannot_have_is_left_out_with_a_note(database
 
 def test_registered_systems_are_chosen_by_name_family_and_pattern(monkeypatch):
     monkeypatch.setattr(systems, "_REGISTERED", {})
-    systems.register("lmm-small", lambda db, n: None, "a test")
+    systems.register("lmm-small", lambda db, n, obstacles=(): None, "a test")
     assert [e.name for e in systems.choose(["lmm"])] == ["lmm-small"]
     names = [e.name for e in systems.choose(["mm-*-free"], indexes=["brute", "aabb"])]
     assert names == ["mm-brute-free", "mm-aabb-free"]
