@@ -7,6 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from features.normalise import total_costs
+from features.schema import Feature, Schema
 from mm import search
 from mm.search import Exclusions
 from motion.errors import UserError
@@ -246,6 +248,60 @@ def test_bad_input(name):
         search.build(name, features, [0], [100], tags=np.zeros(99, np.uint32))
 
 
+@pytest.fixture(scope="module")
+def mixed() -> Schema:
+    """A schema with every residual: squared, absolute, path."""
+    times = (0.2, 0.4, 0.6)
+    return Schema(
+        "mixed",
+        (
+            Feature("way", "trajectory_position", times=times, residual="path"),
+            Feature("facing", "trajectory_direction", times=times),
+            Feature("left", "position", "left_foot", residual="absolute"),
+            Feature("height", "height", "hips"),
+            Feature("speed", "velocity", "hips", residual="absolute"),
+        ),
+    )
+
+
+@pytest.mark.parametrize("make", [random, smooth, duplicates])
+@pytest.mark.parametrize("preset", ["mixed", "o3de59"])
+def test_other_costs_are_searched_exactly(make, preset, mixed):
+    schema = mixed if preset == "mixed" else Schema.load(preset)
+    rng = np.random.default_rng(9)
+    features = make(rng, 3000, schema.size)
+    starts, stops = ranges(rng, len(features))
+    queries, current, _ = asked(rng, features)
+    bound = total_costs(schema, queries, features[current])
+    brute = search.build("brute", features, starts, stops, schema=schema)
+    exact = search.build("exact", features, starts, stops, schema=schema)
+    for limit, exclude in ((None, None), (bound, Exclusions(current=current))):
+        truth = brute.search(queries, k=3, bound=limit, exclude=exclude)
+        frames, costs = exact.search(queries, k=3, bound=limit, exclude=exclude)
+        np.testing.assert_allclose(costs, truth[1], rtol=2e-6)
+        n, slot = np.nonzero(frames >= 0)
+        real = total_costs(schema, queries[n], features[frames[n, slot]])
+        np.testing.assert_allclose(costs[n, slot], real, rtol=1e-5, atol=1e-5)
+    every = np.zeros(len(features), bool)
+    for start, stop in zip(starts, stops, strict=True):
+        every[start : max(start, stop - 20)] = True
+    least = np.where(every, total_costs(schema, queries[:, None], features), np.inf).min(axis=1)
+    np.testing.assert_allclose(brute.search(queries)[1][:, 0], least, rtol=1e-5, atol=1e-5)
+
+
+def test_two_phase_ranks_by_the_schema(mixed):
+    rng = np.random.default_rng(10)
+    features = smooth(rng, 500, mixed.size)
+    queries, current, _ = asked(rng, features)
+    exclude = Exclusions(current=current)
+    answers = [
+        search.build(name, features, [0], [500], schema=mixed).search(queries, k=2, exclude=exclude)
+        for name in ("brute", "two-phase")  # the whole database is one leaf
+    ]
+    for one, other in zip(*answers, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
 def test_unknown_index_lists_the_known():
     with pytest.raises(UserError, match="brute, aabb, exact"):
         search.build("magic", np.zeros((1, 1)), [0], [1])
@@ -253,7 +309,7 @@ def test_unknown_index_lists_the_known():
 
 def test_other_cost_is_refused_by_euclidean_indexes():
     schema = SimpleNamespace(euclidean=False)
-    with pytest.raises(UserError, match="brute, two-phase"):
+    with pytest.raises(UserError, match="brute, exact, two-phase"):
         search.build("kdtree", np.zeros((1, 1)), [0], [1], schema=schema)
 
 

@@ -20,6 +20,22 @@ def near_rows(rows, point, limit):
 
 
 @numba.njit
+def box_norms(boxes, point, ends, limit, slack, gaps):
+    return lanes.box_norms(
+        boxes.ctypes.data, point.ctypes.data, ends.ctypes.data, len(ends), len(point), limit, slack,
+        gaps.ctypes.data,
+    )  # fmt: skip
+
+
+@numba.njit
+def near_norms(rows, point, ends, limit, first_slack, last_slack):
+    return lanes.near_norms(
+        rows.ctypes.data, point.ctypes.data, ends.ctypes.data, len(ends), len(point), limit, first_slack,
+        last_slack,
+    )  # fmt: skip
+
+
+@numba.njit
 def turn(vector, matrix, product):
     lanes.turn(vector.ctypes.data, len(vector), matrix.ctypes.data, len(product), product.ctypes.data)
 
@@ -56,6 +72,36 @@ def test_vector_instructions_equal_numpy(columns):
     np.testing.assert_allclose(product, point @ matrix.astype(np.float64), rtol=1e-4, atol=1e-5)
 
 
+@pytest.mark.parametrize("ends", [[], [2, 3, 6], [3, 12], [8, 12]])
+def test_sums_of_norms_equal_numpy(ends):
+    rng = np.random.default_rng(len(ends))
+    columns, ends = 12, np.array(ends, np.int64)
+    point = rng.normal(size=columns).astype(np.float32)
+
+    def cost(gaps, first_slack, last_slack):
+        parts = np.split(gaps, ends)
+        norms = sum((np.linalg.norm(part, axis=0) for part in parts[:-1]), np.zeros(gaps.shape[1]))
+        last = np.maximum(0, np.linalg.norm(parts[-1], axis=0) - last_slack)
+        return np.maximum(0, norms - first_slack) + last**2
+
+    corners = np.sort(rng.normal(size=(columns, 2, 16)), axis=1).astype(np.float16)
+    wide, at = corners.astype(np.float64), point[:, None].astype(np.float64)
+    gaps = np.zeros(16, np.float32)
+    truth = cost(np.maximum(0, np.maximum(wide[:, 0] - at, at - wide[:, 1])), 0.125, 0.125)
+    limit = np.median(truth) + 1e-3
+    found = box_norms(corners.view(np.uint16), point, ends, np.float32(limit), np.float32(0.125), gaps)
+    assert found == bits_of(truth < limit)
+    np.testing.assert_allclose(gaps, truth, rtol=1e-5, atol=1e-6)
+
+    rows = rng.normal(size=(columns, 32)).astype(np.float16)
+    truth = cost(rows.astype(np.float64) - at, 0.25, 0.5)
+    limit = np.median(truth) + 1e-3
+    found = near_norms(
+        rows.view(np.uint16), point, ends, np.float32(limit), np.float32(0.25), np.float32(0.5)
+    )
+    assert found == bits_of(truth < limit)
+
+
 def test_lowest_bit():
     assert [lowest_bit(bits) for bits in (1, 2, 12, 1 << 31, 3 << 40)] == [0, 1, 2, 31, 40]
 
@@ -64,7 +110,9 @@ def test_lowest_bit():
 def test_tree_holds_every_row_within_its_boxes(count, width):
     rng = np.random.default_rng(count)
     rows = (rng.normal(size=(count, width)) * rng.uniform(0.01, 30, width) + 5).astype(np.float32)
-    grown = tree.grow(rows)
+    axes = tree.principal_axes(rows)
+    np.testing.assert_allclose(axes.T @ axes, np.eye(width), atol=1e-12)
+    grown = tree.grow(rows, axes, np.zeros(0, np.int64))
     places = grown.places
     assert sorted(places[places >= 0]) == list(range(count)) and (places >= 0).all(1)[:-1].all()
 
@@ -89,7 +137,7 @@ def test_tree_holds_every_row_within_its_boxes(count, width):
             for leaf in range(leaves):
                 mine = points[places[leaf][places[leaf] >= 0]]
                 stored = grown.rows[leaf].T[places[leaf] >= 0].astype(np.float64)
-                assert (np.linalg.norm(stored - mine, axis=1) <= grown.errors[leaf] + 1e-5).all()
+                assert (np.linalg.norm(stored - mine, axis=1) <= grown.errors[leaf, 1] + 1e-5).all()
                 assert (mine >= low[leaf] - 1e-5).all() and (mine <= high[leaf] + 1e-5).all()
         else:
             parent = np.arange(len(inner_low)) // 16

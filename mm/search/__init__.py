@@ -25,7 +25,7 @@ _REGISTRY = {
     "faiss-hnsw": ("faiss_indexes", "Hnsw"),
     "faiss-pq": ("faiss_indexes", "Pq"),
 }
-_ANY_COST = ("brute", "two-phase")
+_ANY_COST = ("brute", "exact", "two-phase")
 
 
 def names() -> list[str]:

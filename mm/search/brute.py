@@ -8,11 +8,9 @@ import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from features.normalise import total_costs
-from features.schema import Schema
-
 from .protocol import Exclusions, check, matrix, searchable, tag_bits
-from .rows import admitted, insert, row_cost
+from .rows import admitted, insert, row_cost, terms_cost
+from .terms import of_schema
 
 
 class Brute:
@@ -34,7 +32,7 @@ class Brute:
         self.features = matrix(features)
         self.frames = searchable(len(self.features), starts, stops, ignore_end)
         self.tags = tag_bits(tags, len(self.features))
-        self.schema = None if schema is None or schema.euclidean else schema
+        self.terms = of_schema(schema)
         self.nbytes = self.frames.nbytes
 
     def search(
@@ -50,19 +48,25 @@ class Brute:
         frames, costs = ask.empty()
         for n in range(len(ask)):
             limits = (ask.current[n], ask.radius, ask.required[n], ask.forbidden[n])
-            if self.schema is None:
-                scan(self.features, self.frames, self.tags, ask.queries[n], *limits, frames[n], costs[n])
-            else:
-                totals = schema_costs(self.schema, ask.queries[n], self.features, self.frames)
-                rank(totals, self.frames, self.tags, *limits, frames[n], costs[n])
+            scan(
+                self.features,
+                self.frames,
+                self.tags,
+                ask.queries[n],
+                self.terms,
+                *limits,
+                frames[n],
+                costs[n],
+            )
         return frames, costs
 
 
 @numba.njit(cache=True, nogil=True)
-def scan(features, subset, tags, query, current, radius, required, forbidden, frames, costs):
+def scan(features, subset, tags, query, terms, current, radius, required, forbidden, frames, costs):
     """Update the k best frames [k] and costs [k] of one query [F] with the frames in subset."""
     for frame in subset:
-        cost = row_cost(query, features[frame])
+        row = features[frame]
+        cost = terms_cost(query, row, terms) if len(terms) else row_cost(query, row)
         if cost < costs[-1] and admitted(frame, current, radius, tags[frame], required, forbidden):
             insert(frames, costs, frame, cost)
 
@@ -74,18 +78,3 @@ def rank(totals, subset, tags, current, radius, required, forbidden, frames, cos
         frame = subset[i]
         if totals[i] < costs[-1] and admitted(frame, current, radius, tags[frame], required, forbidden):
             insert(frames, costs, frame, totals[i])
-
-
-def schema_costs(
-    schema: Schema,
-    query: NDArray[np.float32],
-    features: NDArray[np.float32],
-    frames: NDArray[np.int32],
-    chunk: int = 16384,
-) -> NDArray[np.float32]:
-    """Total cost by the schema of one query [F] to the frames [n], float32 [n]."""
-    totals = np.empty(len(frames), np.float32)
-    for start in range(0, len(frames), chunk):
-        part = slice(start, start + chunk)
-        totals[part] = total_costs(schema, query, features[frames[part]])
-    return totals

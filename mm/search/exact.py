@@ -10,6 +10,7 @@ may beat the best are costed as `brute` does it. Rounding always errs towards lo
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import Any
 
 import numba
@@ -17,9 +18,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import tree
-from .lanes import LANES, box_gaps, lowest_bit, near_rows, turn
+from .lanes import LANES, box_gaps, box_norms, lowest_bit, near_norms, near_rows, turn
 from .protocol import Exclusions, Request, check, matrix, searchable, tag_bits
-from .rows import admitted, insert, row_cost
+from .rows import admitted, insert, row_cost, terms_cost
+from .terms import norms, of_schema
 
 LEAF = tree.LEAF
 MOST_LEVELS = 8  # 16^8 leaves
@@ -49,15 +51,24 @@ class Exact:
         self.features = matrix(features)
         bits = tag_bits(tags, len(self.features))
         frames = searchable(len(self.features), starts, stops, ignore_end)
-        grown = tree.grow(self.features[frames])
+        rows = self.features[frames]
+        terms = of_schema(schema)
+        if len(terms):
+            axes, ends = norms(terms, rows.shape[1])
+        else:
+            axes, ends = tree.principal_axes(rows), np.zeros(0, np.int64)
+        grown = tree.grow(rows, axes, ends)
         places = np.where(grown.places < 0, len(frames), grown.places)
         leaf_frames = np.append(frames, np.int32(-1))[places]
         leaf_tags = np.append(bits[frames], np.uint32(0))[places]
-        self.tree = (
+        arrays = (
             grown.mean, grown.axes, grown.boxes.view(np.uint16), grown.rows.view(np.uint16), grown.errors,
             leaf_frames, leaf_tags,
         )  # fmt: skip
-        self.nbytes = sum(part.nbytes for part in self.tree)
+        self.nbytes = sum(array.nbytes for array in arrays)
+        # With None the kernel is compiled without what it does not need.
+        sums: tuple[Any, Any] = (ends, terms) if len(terms) else (None, None)
+        self.kernel = partial(descend, *arrays, *sums, self.features)
         self.pool = ThreadPoolExecutor(threads) if threads > 1 else None
         self.threads = threads
 
@@ -85,10 +96,9 @@ class Exact:
         return frames, costs
 
     def _descend(self, ask: Request, frames: NDArray, costs: NDArray, start: int, stop: int) -> None:
-        descend(
-            *self.tree, self.features, ask.queries, ask.current, ask.radius, ask.required,
-            ask.forbidden, frames, costs, start, stop,
-        )  # fmt: skip
+        self.kernel(
+            ask.queries, ask.current, ask.radius, ask.required, ask.forbidden, frames, costs, start, stop
+        )
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
@@ -102,18 +112,19 @@ def any_tagged(tags, required, forbidden):
 
 @numba.njit(cache=True, nogil=True)
 def descend(
-    mean, axes, boxes, rows, errors, leaf_frames, leaf_tags, features,
+    mean, axes, boxes, rows, errors, leaf_frames, leaf_tags, ends, terms, features,
     queries, currents, radius, required, forbidden, frames, costs, start, stop,
 ):  # fmt: skip
     """Update the k best frames [N, k] and costs [N, k] of the queries [N, F] from start to stop.
 
     The arrays up to errors are those of `tree.Tree`, half floats seen as integers; then each leaf's frames
-    (-1 for padding) and tags, [leaves, 32].
+    (-1 for padding) and tags, [leaves, 32]; ends and terms are those of `terms`, None for squared Euclidean.
     """
     width, columns, leaves = queries.shape[1], boxes.shape[1], len(rows)
-    # Bounds of rounding: of a sum of squares, ours and brute's; of a point's coordinates.
-    rounding = np.float32(1 + (2 * columns + 8) * 2.0**-24)
-    blur = (width + 4) * np.sqrt(columns) * 2.0**-24
+    # Bounds of rounding: of costs, ours and brute's, relative; of a turned point, relative to the sum of its
+    # columns (dense axes in one case; differences of two columns, each in three of them, in the other).
+    rounding = np.float32(1 + (4 * columns + 16) * 2.0**-24)
+    blur = (width + 4) * np.sqrt(columns) * 2.0**-24 if terms is None else 9 * 2.0**-24
     centered, point = np.empty(width, np.float32), np.empty(axes.shape[1], np.float32)
     gaps = np.empty((MOST_LEVELS, LANES), np.float32)
     # By level: its number of nodes, the first one's place in boxes, the node we are in, bits of its children
@@ -131,7 +142,7 @@ def descend(
             length += abs(query[c]) + abs(mean[c])
         turn(centered.ctypes.data, width, axes.ctypes.data, axes.shape[1], point.ctypes.data)
         slack = np.float32(length * blur)
-        reach = np.sqrt(best[-1]) * rounding + slack
+        limit, reach = widened(best[-1], rounding, slack, terms)
 
         level, child = -1, 0
         while True:
@@ -142,11 +153,16 @@ def descend(
             box = boxes.ctypes.data + (first[level] + child) * box_bytes
             below = widths[level + 1] if level + 1 < levels else leaves
             present = (1 << min(LANES, below - child * LANES)) - 1
-            left[level] = present & box_gaps(box, point.ctypes.data, columns, reach * reach, near)
+            at = point.ctypes.data
+            if terms is None:
+                left[level] = present & box_gaps(box, at, columns, limit, near)
+            else:
+                blocks = ends.ctypes.data, len(ends)
+                left[level] = present & box_norms(box, at, *blocks, columns, limit, slack, near)
 
             # Take the nearest child that is left, here or further up.
             while level >= 0:
-                nearest, gap, bits = -1, reach * reach, left[level]
+                nearest, gap, bits = -1, limit, left[level]
                 while bits:
                     lane = lowest_bit(bits)
                     bits &= bits - 1
@@ -161,20 +177,38 @@ def descend(
                     break
                 if (need | avoid) != 0 and not any_tagged(leaf_tags[child], need, avoid):
                     continue
-                around = reach + errors[child]
                 leaf = rows.ctypes.data + child * leaf_bytes
-                bits = near_rows(leaf, point.ctypes.data, columns, around * around)
+                if terms is None:
+                    around = reach + errors[child, 1]
+                    bits = near_rows(leaf, at, columns, around * around)
+                else:
+                    blocks = ends.ctypes.data, len(ends)
+                    slacks = slack + errors[child, 0], slack + errors[child, 1]
+                    bits = near_norms(leaf, at, *blocks, columns, limit, *slacks)
                 while bits:
                     row = lowest_bit(bits)
                     bits &= bits - 1
                     frame, tag = leaf_frames[child, row], leaf_tags[child, row]
                     if frame >= 0 and admitted(frame, current, radius, tag, need, avoid):
-                        cost = row_cost(query, features[frame])
+                        values = features[frame]
+                        cost = row_cost(query, values) if terms is None else terms_cost(query, values, terms)
                         if cost < best[-1]:
                             insert(best_frames, best, frame, cost)
-                            reach = np.sqrt(best[-1]) * rounding + slack
+                            limit, reach = widened(best[-1], rounding, slack, terms)
             else:
                 break
+
+
+@numba.njit(cache=True, nogil=True)
+def widened(cost, rounding, slack, terms):
+    """The computed cost, and its root, at and beyond which what is bounded is surely no cheaper than a cost.
+
+    For sums of norms without slack, which is taken away from what is compared.
+    """
+    if terms is None:
+        reach = np.sqrt(cost) * rounding + slack
+        return reach * reach, reach
+    return cost * rounding, np.sqrt(cost)
 
 
 @numba.njit(cache=True, nogil=True, inline="always")

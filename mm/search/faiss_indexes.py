@@ -96,8 +96,9 @@ class _Faiss:
             )  # fmt: skip
             if ran_out and self.name != "faiss-flat":
                 brute.scan(
-                    self.features, self.frames, self.tags, ask.queries[n], *limits, frames[n], costs[n]
-                )
+                    self.features, self.frames, self.tags, ask.queries[n], overfetch.EUCLIDEAN, *limits,
+                    frames[n], costs[n],
+                )  # fmt: skip
         return frames, costs
 
     def _neighbours(self, current: int, radius: int) -> int:

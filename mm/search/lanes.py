@@ -71,6 +71,15 @@ def _max(b: Any, x: Any, y: Any) -> Any:
     return b.select(b.fcmp_ordered(">", x, y), x, y)
 
 
+def _box_gap(b: Any, boxes: Any, point: Any, column: Any) -> Any:
+    """Distances of a point to 16 boxes in one column."""
+    corner = b.mul(column, _long(2))
+    at = _splat(b, _scalar_at(b, point, column))
+    under = b.fsub(_halves_at(b, boxes, corner), at, flags=_FAST)
+    over = b.fsub(at, _halves_at(b, boxes, b.add(corner, _long(1))), flags=_FAST)
+    return _max(b, _max(b, under, over), _zeros())
+
+
 def _below(b: Any, values: Any, limit: Any) -> Any:
     """Bit l set where lane l is below limit, as a 64-bit integer."""
     return b.zext(b.bitcast(b.fcmp_ordered("<", values, limit), _BITS), _LONG)
@@ -110,11 +119,7 @@ def box_gaps(context, boxes, point, columns, limit, gaps):
         with cgutils.for_range(b, b.sdiv(columns, _long(UNROLL))) as loop:
             for u in range(UNROLL):
                 column = b.add(b.mul(loop.index, _long(UNROLL)), _long(u))
-                corner = b.mul(column, _long(2))
-                at = _splat(b, _scalar_at(b, point, column))
-                under = b.fsub(_halves_at(b, boxes, corner), at, flags=_FAST)
-                over = b.fsub(at, _halves_at(b, boxes, b.add(corner, _long(1))), flags=_FAST)
-                _add_square(b, totals[u % 2], _max(b, _max(b, under, over), _zeros()))
+                _add_square(b, totals[u % 2], _box_gap(b, boxes, point, column))
         total = b.fadd(b.load(totals[0]), b.load(totals[1]), flags=_FAST)
         b.store(total, _floats(b, gaps, _long(0))).align = 4
         return _below(b, total, _splat(b, limit))
@@ -149,6 +154,85 @@ def near_rows(context, rows, point, columns, limit):
         return b.load(bits)
 
     return types.int64(types.intp, types.intp, types.intp, types.float32), generate
+
+
+def _sum_of_norms(
+    b: Any, ends: Any, blocks: Any, columns: Any, slack: Any, gaps_of: Any, parts: int
+) -> list[Any]:
+    """Sums over blocks of the norm of gaps, and the squared norm of those behind, in parts of 16 lanes.
+
+    gaps_of(column) gives the parts. From the sum of norms the first slack is taken away, from the last norm
+    the second.
+    """
+    kind = ir.FunctionType(_FLOATS, [_FLOATS])
+    root = cgutils.get_or_insert_function(b.module, kind, f"llvm.sqrt.v{LANES}f32")
+    sums = [cgutils.alloca_once_value(b, _zeros()) for _ in range(parts)]
+    squares = [cgutils.alloca_once(b, _FLOATS) for _ in range(parts)]
+    first = cgutils.alloca_once_value(b, _long(0))
+
+    def add_block(end: Any) -> None:
+        for square in squares:
+            b.store(_zeros(), square)
+        with cgutils.for_range_slice(b, b.load(first), end, _long(1), _LONG) as (column, _):
+            for square, gap in zip(squares, gaps_of(column), strict=True):
+                _add_square(b, square, gap)
+        b.store(end, first)
+
+    with cgutils.for_range(b, blocks) as loop:
+        ends_at = b.inttoptr(ends, _LONG.as_pointer())
+        add_block(b.load(b.gep(ends_at, [loop.index])))
+        for total, square in zip(sums, squares, strict=True):
+            norm = b.call(root, [b.load(square)])
+            b.store(b.fadd(b.load(total), norm, flags=_FAST), total)
+    add_block(columns)
+    costs = []
+    for total, square in zip(sums, squares, strict=True):
+        norms = _max(b, b.fsub(b.load(total), _splat(b, slack[0])), _zeros())
+        last = _max(b, b.fsub(b.call(root, [b.load(square)]), _splat(b, slack[1])), _zeros())
+        costs.append(b.fadd(norms, b.fmul(last, last)))
+    return costs
+
+
+@intrinsic
+def box_norms(context, boxes, point, ends, blocks, columns, limit, slack, gaps):
+    """As `box_gaps`, for sums of norms: blocks of columns end at ends [blocks], integers of 64 bits.
+
+    The gap is the sum of the blocks' distances and the squared distance in the columns behind them, both
+    distances less slack.
+    """
+
+    def generate(_context: Any, b: Any, _signature: Any, arguments: Any) -> Any:
+        boxes, point, ends, blocks, columns, limit, slack, gaps = arguments
+
+        def gaps_of(column: Any) -> list[Any]:
+            return [_box_gap(b, boxes, point, column)]
+
+        (cost,) = _sum_of_norms(b, ends, blocks, columns, (slack, slack), gaps_of, 1)
+        b.store(cost, _floats(b, gaps, _long(0))).align = 4
+        return _below(b, cost, _splat(b, limit))
+
+    address, real = types.intp, types.float32
+    return types.int64(*[address] * 5, real, real, address), generate
+
+
+@intrinsic
+def near_norms(context, rows, point, ends, blocks, columns, limit, first_slack, last_slack):
+    """As `near_rows`, for sums of norms as in `box_norms`, without stopping early."""
+
+    def generate(_context: Any, b: Any, _signature: Any, arguments: Any) -> Any:
+        rows, point, ends, blocks, columns, limit, *slack = arguments
+
+        def gaps_of(column: Any) -> list[Any]:
+            at = _splat(b, _scalar_at(b, point, column))
+            places = [b.add(b.mul(column, _long(2)), _long(half)) for half in range(2)]
+            return [b.fsub(_halves_at(b, rows, place), at, flags=_FAST) for place in places]
+
+        costs = _sum_of_norms(b, ends, blocks, columns, slack, gaps_of, 2)
+        low, high = (_below(b, cost, _splat(b, limit)) for cost in costs)
+        return b.or_(low, b.shl(high, _long(LANES)))
+
+    address, real = types.intp, types.float32
+    return types.int64(*[address] * 5, real, real, real), generate
 
 
 @intrinsic

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 from .brute import rank
 from .protocol import Request
 from .rows import costs_of
+from .terms import of_schema
+
+EUCLIDEAN = of_schema(None)
 
 
 def answer(
@@ -34,7 +37,7 @@ def answer(
     while True:
         count = min(count, len(subset))
         found = subset[nearest(count)]
-        true_costs = costs_of(features, found, query)
+        true_costs = costs_of(features, found, query, EUCLIDEAN)
         frames[:], costs[:] = -1, ask.bound[n]
         rank(true_costs, found, tags, *limits, frames, costs)
         if frames[-1] >= 0 or len(found) == len(subset) or (len(found) and true_costs[-1] >= ask.bound[n]):

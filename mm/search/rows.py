@@ -6,6 +6,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+SQUARED, ABSOLUTE, PATH = range(3)  # kinds of terms
+
 
 @numba.njit(cache=True, nogil=True, inline="always")
 def row_cost(query: NDArray[np.float32], row: NDArray[np.float32]) -> np.float32:
@@ -14,6 +16,28 @@ def row_cost(query: NDArray[np.float32], row: NDArray[np.float32]) -> np.float32
     for c in range(query.shape[0]):
         difference = query[c] - row[c]
         total += difference * difference
+    return total
+
+
+@numba.njit(cache=True, nogil=True)
+def terms_cost(query, row, terms):
+    """Cost by the terms of a schema (see `terms.of_schema`), as `features.normalise.costs` defines it."""
+    total = np.float32(0.0)
+    for t in range(len(terms)):
+        kind, start, stop = terms[t]
+        square = np.float32(0.0)
+        if kind == PATH:
+            for c in range(start, stop, 2):
+                x, z = query[c] - row[c], query[c + 1] - row[c + 1]
+                total += np.sqrt(x * x + z * z)
+                if c > start:
+                    x, z = x - (query[c - 2] - row[c - 2]), z - (query[c - 1] - row[c - 1])
+                    total += np.sqrt(x * x + z * z)
+            continue
+        for c in range(start, stop):
+            difference = query[c] - row[c]
+            square += difference * difference
+        total += np.sqrt(square) if kind == ABSOLUTE else square
     return total
 
 
@@ -50,9 +74,10 @@ def sound(queries, bounds):
 
 
 @numba.njit(cache=True, nogil=True)
-def costs_of(features, frames, query):
-    """Costs float32 [n] of the frames [n] to a query [F]."""
+def costs_of(features, frames, query, terms):
+    """Costs float32 [n] of the frames [n] to a query [F]; no terms: squared Euclidean."""
     costs = np.empty(len(frames), np.float32)
     for i in range(len(frames)):
-        costs[i] = row_cost(query, features[frames[i]])
+        row = features[frames[i]]
+        costs[i] = terms_cost(query, row, terms) if len(terms) else row_cost(query, row)
     return costs

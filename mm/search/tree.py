@@ -16,7 +16,7 @@ FAR = 6e4  # where the padding lies; half floats end at 65504
 
 @dataclass(eq=False)
 class Tree:
-    """Rows in principal axes, as half floats, column by column.
+    """Rows in other axes, as half floats, column by column.
 
     Node n of a level has the children LANES n to LANES n + 15 of the next; the children of the last level are
     the leaves. C is the number of columns, a multiple of UNROLL.
@@ -24,12 +24,12 @@ class Tree:
     Attributes
     ----------
     mean : float32 [F].
-    axes : float32 [F, C rounded up to 16], principal axes, the widest first, and zeros in what is added. A
-        row's coordinates are (row - mean) @ axes.
+    axes : float32 [F, C rounded up to 16], zeros in what is added; coordinates are (row - mean) @ axes.
     boxes : float16 [nodes, C, 2, 16], lower and upper corners of each node's children, the root first, then
         level by level.
     rows : float16 [leaves, C, 32].
-    errors : float32 [leaves], largest distance of a row from its half floats.
+    errors : float32 [leaves, 2], largest distance of a row from its half floats: the sum over blocks of
+        columns, and that of the columns behind the last block.
     places : int32 [leaves, 32], which of the given rows each is, -1 for padding.
     """
 
@@ -41,12 +41,15 @@ class Tree:
     places: NDArray[np.int32]
 
 
-def grow(rows: NDArray[np.float32]) -> Tree:
-    """A tree over rows [T, F]."""
-    count, width = rows.shape
-    columns = -(-width // UNROLL) * UNROLL
-    mean, axes = principal_axes(rows)
-    axes = np.pad(axes, ((0, 0), (0, -width % LANES)))
+def grow(rows: NDArray[np.float32], axes: NDArray[np.float64], ends: NDArray[np.int64]) -> Tree:
+    """A tree over rows [T, F] in axes [F, C], whose columns fall into blocks that end at ends [blocks].
+
+    See `terms.norms`; without blocks the axes are an orthonormal basis.
+    """
+    count, columns = len(rows), -(-axes.shape[1] // UNROLL) * UNROLL
+    mean = rows.sum(axis=0, dtype=np.float64) / max(1, count)
+    mean = mean.astype(np.float32)
+    axes = np.pad(axes, ((0, 0), (0, -axes.shape[1] % LANES)))
     points = (rows - mean.astype(np.float64)) @ axes[:, :columns]
     order = balance(points.astype(np.float32))
 
@@ -56,7 +59,9 @@ def grow(rows: NDArray[np.float32]) -> Tree:
     padded = np.full((leaves * LEAF, columns), FAR)
     padded[:count] = points[order]
     stored = np.clip(padded, -FAR, FAR).astype(np.float16)
-    errors = np.linalg.norm(padded - stored, axis=1).reshape(leaves, LEAF).max(axis=1)
+    squares = np.add.reduceat((padded - stored) ** 2, np.append(0, ends), axis=1)
+    errors = np.stack([np.sqrt(squares[:, :-1]).sum(axis=1), np.sqrt(squares[:, -1])], axis=1)
+    errors = errors.reshape(leaves, LEAF, 2).max(axis=1)
 
     # The padding of the last leaf must not widen its box.
     padded[count:] = padded[count - 1] if count else FAR
@@ -75,15 +80,12 @@ def grow(rows: NDArray[np.float32]) -> Tree:
     )
 
 
-def principal_axes(rows: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-    """Mean [F] of rows [T, F], and an orthonormal basis [F, F] whose first columns carry most variance."""
-    width = rows.shape[1]
-    if len(rows) < 2:
-        return np.zeros(width, np.float32), np.eye(width)
-    mean = rows.mean(axis=0, dtype=np.float64).astype(np.float32)
-    centered = rows - mean.astype(np.float64)
-    _, axes = np.linalg.eigh(centered.T @ centered)
-    return mean, axes[:, ::-1]
+def principal_axes(rows: NDArray[np.float32]) -> NDArray[np.float64]:
+    """An orthonormal basis [F, F] whose first columns carry most variance of rows [T, F]."""
+    if len(rows) == 0:
+        return np.eye(rows.shape[1])
+    centered = rows - rows.mean(axis=0, dtype=np.float64)
+    return np.linalg.eigh(centered.T @ centered)[1][:, ::-1]
 
 
 def balance(points: NDArray[np.float32]) -> NDArray[np.int64]:

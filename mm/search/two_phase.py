@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import brute
 from .protocol import Exclusions, check, matrix, searchable, tag_bits
 from .rows import costs_of
+from .terms import of_schema
 
 MOST_COLUMNS = 48
 
@@ -43,7 +44,7 @@ class TwoPhase:
         self.features = matrix(features)
         self.frames = searchable(len(self.features), starts, stops, ignore_end)
         self.tags = tag_bits(tags, len(self.features))
-        self.schema = None if schema is None or schema.euclidean else schema
+        self.terms = of_schema(schema)
         pose = np.arange(self.features.shape[1]) if schema is None else np.asarray(schema.pose_columns())
         pose = pose if len(pose) else np.arange(self.features.shape[1])
         self.columns = pose[:MOST_COLUMNS]
@@ -65,18 +66,13 @@ class TwoPhase:
         for n in range(len(ask)):
             limits = (ask.current[n], ask.radius, ask.required[n], ask.forbidden[n])
             leaf = self.order[descend(self.tree, ask.queries[n, self.columns])]
-            totals = self._costs(ask.queries[n], leaf)
+            totals = costs_of(self.features, leaf, ask.queries[n], self.terms)
             brute.rank(totals, leaf, self.tags, *limits, frames[n], costs[n])
             if frames[n, -1] < 0 and self._allowed(leaf, *limits) < k:
                 frames[n], costs[n] = -1, ask.bound[n]
-                totals = self._costs(ask.queries[n], self.frames)
+                totals = costs_of(self.features, self.frames, ask.queries[n], self.terms)
                 brute.rank(totals, self.frames, self.tags, *limits, frames[n], costs[n])
         return frames, costs
-
-    def _costs(self, query: NDArray[np.float32], frames: NDArray[np.int32]) -> NDArray[np.float32]:
-        if self.schema is None:
-            return costs_of(self.features, frames, query)
-        return brute.schema_costs(self.schema, query, self.features, frames)
 
     def _allowed(
         self, frames: NDArray[np.int32], current: int, radius: int, required: int, forbidden: int
