@@ -35,9 +35,8 @@ def test_the_bound_is_the_cost_of_playing_on(database, recorded):
     finite = np.isfinite(recorded.bound)
     assert finite.mean() > 0.5
     difference = recorded.features - database.features[recorded.current]
-    np.testing.assert_allclose(
-        recorded.bound[finite], (difference**2).sum(axis=1)[finite], rtol=1e-4, atol=1e-4
-    )
+    playing_on = (1 - Settings().continuing_bias) * (difference**2).sum(axis=1)
+    np.testing.assert_allclose(recorded.bound[finite], playing_on[finite], rtol=1e-4, atol=1e-4)
 
 
 def test_queries_are_not_rows_of_the_database(database, recorded):
@@ -57,7 +56,19 @@ def test_table_sees_a_worse_index(database):
     assert rows["two-phase"]["recall"] <= 1 and rows["two-phase"]["cost_regret"] >= -1e-6
     for row in rows.values():
         assert 0 < row["median_us"] <= row["p99_us"]
-        assert row["bytes"] > 0 and row["build_s"] > 0
+        assert row["bytes"] > 0 and row["build_s"] > 0 and row["ratio_to_aabb"] > 0
+
+
+def test_the_ratio_is_of_medians_of_the_same_run(database):
+    rows = queries.table(database, count=40, indexes=["aabb", "brute"], repeats=1)
+    assert [row["index"] for row in rows] == ["aabb", "brute"]
+    assert rows[0]["ratio_to_aabb"] == 1
+    assert rows[1]["ratio_to_aabb"] == pytest.approx(rows[0]["median_us"] / rows[1]["median_us"])
+
+
+def test_skeletons_without_legs_can_be_searched(walker_files):
+    database = build([walker_files], jobs=1, roles_only=True)
+    assert len(queries.record(database, 24, index="brute")) == 24
 
 
 def test_an_unknown_index_is_refused_before_any_work(database, monkeypatch):
