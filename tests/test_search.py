@@ -42,6 +42,12 @@ def duplicates(rng, count, width):
     return rows
 
 
+def close(rng, count, width):
+    """Clusters far apart, whose rows differ by less than half floats tell."""
+    centers = random(rng, 9, width)[rng.integers(0, 9, count)] * 100
+    return (centers + rng.normal(size=(count, width)) * 3e-4).astype(np.float32)
+
+
 def harsh(rng, count, width):
     """Far from the origin, columns of very different widths, and a few rows far out."""
     rows = random(rng, count, width) * 10.0 ** rng.uniform(-4, 2, width) + 300
@@ -56,11 +62,12 @@ def ranges(rng, count, pieces=4):
 
 
 def asked(rng, features, count=12):
-    """Queries between rows and beyond them, the frames they come from, and those frames' costs as bounds."""
+    """Queries between rows, beyond and very near them; the frames they come from, whose costs are bounds."""
     current = rng.integers(0, len(features), count).astype(np.int32)
     other = features[rng.integers(0, len(features), count)]
     mask = rng.random(features.shape[1]) < 0.5
     queries = np.where(mask, features[current], other * 1.1 + 0.2).astype(np.float32)
+    queries[::3] = features[current[::3]] + rng.normal(size=queries[::3].shape) * 1e-4
     return queries, current, ((queries - features[current]) ** 2).sum(1)
 
 
@@ -86,7 +93,7 @@ def kept(frames, current, radius, starts, stops, ignore_end=20):
 
 
 @pytest.mark.parametrize("name", EXACT)
-@pytest.mark.parametrize("make", [random, smooth, duplicates, harsh])
+@pytest.mark.parametrize("make", [random, smooth, duplicates, close, harsh])
 @pytest.mark.parametrize("width", [1, 2, 27, 70])
 @pytest.mark.parametrize("k", [1, 5])
 def test_exact_index_equals_brute(name, make, width, k):
@@ -264,7 +271,7 @@ def mixed() -> Schema:
     )
 
 
-@pytest.mark.parametrize("make", [random, smooth, duplicates])
+@pytest.mark.parametrize("make", [random, smooth, duplicates, close])
 @pytest.mark.parametrize("preset", ["mixed", "o3de59"])
 def test_other_costs_are_searched_exactly(make, preset, mixed):
     schema = mixed if preset == "mixed" else Schema.load(preset)
