@@ -56,7 +56,7 @@ BRIEF = (
     "speed_ratio",
 )
 ABOUT = {name: about for name, _, _, about in COLUMNS}
-STRIPS = 4  # different walks a course that are drawn as film strips
+STRIPS = 3  # different ways a course that are drawn as film strips
 
 
 def save(comparison: Comparison, folder: Path, *, command: str) -> list[Path]:
@@ -177,7 +177,7 @@ def _section(comparison: Comparison, course: Any) -> dict[str, Any]:
         "description": course.description,
         "rows": rows.to_dict("records"),
         "pictures": pictures,
-        "strips": _strips(comparison, groups, course.name),
+        "strips": _strips(comparison, plots.groups(traces, poses=False), course.name),
     }
 
 

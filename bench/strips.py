@@ -54,10 +54,11 @@ def draw(
     extent = np.ptp(flat[:, 1:], axis=1)
     cell = 1.15 * float(np.percentile(extent[:, 0], 90)) + 0.1
     bones = [(j, p) for j, p in enumerate(skeleton.parents) if p > 0]
+    flat += np.stack([np.arange(len(flat)) * cell, np.zeros(len(flat))], axis=-1)[:, None]
+    lines = [(pose[j], pose[p]) for pose in flat for j, p in bones]
+    shades = [colours[j] for j, _ in bones] * len(flat)
+    axes.add_collection(LineCollection(lines, colors=shades, linewidths=1.3))
     for s, pose in enumerate(flat):
-        pose = pose + np.array([s * cell, 0])
-        lines = [(pose[j], pose[p]) for j, p in bones]
-        axes.add_collection(LineCollection(lines, colors=[colours[j] for j, _ in bones], linewidths=1.3))
         head = skeleton.roles.get("head")
         if head is not None:
             axes.plot(*pose[head], "o", color=MIDDLE, markersize=3.5)
@@ -93,7 +94,8 @@ def figure(trace: Any, *, views: tuple[str, ...] = ("side", "front"), feet: list
     """A matplotlib figure with one strip a view of a `bench.quality.Trace`."""
     from matplotlib.figure import Figure
 
-    picture = Figure(figsize=(11, 1.5 * len(views)), layout="constrained")
+    picture = Figure(figsize=(11, 1.5 * len(views)))
+    picture.subplots_adjust(0, 0, 1, 1, hspace=0)
     for axes, view in zip(np.atleast_1d(picture.subplots(len(views), 1)), views, strict=True):
         draw(
             axes,
