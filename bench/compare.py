@@ -105,14 +105,15 @@ def compare(
     feet = quality.Feet.of(database)
     rows, traces = [], []
     costs: dict[str, list[timing.Cost]] = {}
-    jobs = [(entry, course) for entry in chosen for course in played]
-    runs = {course.name: _Runs(course, feet, seconds) for course in played}
+    runs = [_Runs(course, feet, seconds) for course in played]
+    jobs = [(entry, on_course) for entry in chosen for on_course in runs]
     system: System | None = None
     built: tuple[Any, ...] = ()
     absent: set[str] = set()
-    for entry, course in console.progress(jobs, label="compare", unit="runs") if progress else jobs:
+    for entry, on_course in console.progress(jobs, label="compare", unit="runs") if progress else jobs:
         if entry.name in absent:
             continue
+        course = on_course.course
         obstacles = course.obstacles()
         if built != (entry.name, obstacles.tobytes()):
             try:
@@ -127,7 +128,7 @@ def compare(
         assert system is not None
         frames = max(1, round(timed_seconds * system.fps))
         with timing.single_thread():  # libraries that start threads for one query take longer
-            clock, searched, metrics, trace = runs[course.name].judge(system)
+            clock, searched, metrics, trace = on_course.judge(system)
             cost = timing.frame_cost(system, clock, frames, searched=searched, repeats=REPEATS)
         row = {"system": entry.name, "course": course.name, "seconds": len(trace.walked) / system.fps}
         rows.append(row | memory_mb(system) | cost.microseconds() | metrics)
@@ -194,7 +195,7 @@ class _Runs:
     """
 
     def __init__(self, course: Course, feet: quality.Feet, seconds: float) -> None:
-        self._course, self._feet, self._seconds = course, feet, min(seconds, natural_seconds(course))
+        self.course, self._feet, self._seconds = course, feet, min(seconds, natural_seconds(course))
         self._ways: deque[Clock] = deque(maxlen=KEPT)
         self._judged: dict[bytes, tuple[dict[str, float], quality.Trace]] = {}
 
@@ -205,13 +206,13 @@ class _Runs:
         clock, tape = self._drive(system)
         key = hashlib.blake2b()
         for name in ("positions", "rotations", "transition"):
-            key.update(np.ascontiguousarray(tape[name]))
+            key.update(tape[name].tobytes())
         if key.digest() not in self._judged:
             self._judged[key.digest()] = quality.judge(
-                tape.arrays, system.skeleton, system.fps, self._feet, tape.path, course=self._course.name
+                tape.arrays, system.skeleton, system.fps, self._feet, tape.path, course=self.course.name
             )
         metrics, trace = self._judged[key.digest()]
-        searched = tape["searched"].any(axis=1) if "searched" in tape.arrays else None
+        searched = np.any(tape["searched"], axis=1) if "searched" in tape.arrays else None
         return clock, searched, metrics, replace(trace, system=system.name)
 
     def _drive(self, system: System) -> tuple[Clock, recording.Recording]:
@@ -220,12 +221,12 @@ class _Runs:
                 continue
             with contextlib.suppress(Diverged):
                 return before, self._record(system, Again(before))
-        clock = Clock(self._course, system.count, system.fps)
+        clock = Clock(self.course, system.count, system.fps)
         self._ways.append(clock)
         return clock, self._record(system, clock)
 
     def _record(self, system: System, clock: Clock) -> recording.Recording:
-        return recording.record(system, self._course, seconds=self._seconds, driver=clock, progress=_silent)
+        return recording.record(system, self.course, seconds=self._seconds, driver=clock, progress=_silent)
 
 
 def _silent(items: Iterator[int], **_: Any) -> Iterator[int]:

@@ -32,7 +32,7 @@ class Queries:
     """M searches as a controller made them.
 
     features [M, F] normalised; current int32 [M], the frames that played; bound [M], what playing on costs
-    less the bias (infinite where a clip ended); radius of the frames around the current one that are left out.
+    less the bias (infinite where a clip ended); radius of frames around the current one that are left out.
     """
 
     features: NDArray[np.float32]
@@ -86,10 +86,10 @@ def table(
 
     The queries are recorded ones. Recall is the share of queries whose k costs equal those of brute force
     (relative 1e-5, so that ties count), cost regret the mean of cost / best cost - 1 (REFERENCE 6); where no
-    frame beats playing on, its cost is what playing on costs. Each query is searched alone, with the bound and
-    the exclusions that the controller gave, by one pinned thread; the indexes take turns, and of each query
-    the least of repeats passes counts (fewer for an index whose passes last longer than 10 s together).
-    ratio_to_aabb is aabb's median over the index's. build_s is on all processors, bytes is beyond the features.
+    frame beats playing on, its cost is what playing on costs. Each query is searched alone, with the bound
+    and the exclusions that the controller gave, by one pinned thread; the indexes take turns, and of each
+    query the least of repeats passes counts (fewer for an index whose passes last 10 s together).
+    ratio_to_aabb is aabb's median over the index's; build_s on all processors; bytes beyond the features.
     """
     known = search.names()
     for name in indexes or ():

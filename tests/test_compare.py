@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -12,8 +13,10 @@ import pytest
 from bench import plots, quality, report, strips, systems, timing
 from bench.compare import DATA, compare, memory_mb, natural_seconds
 from mm.build import build
-from mm.course import Course, VelocityKey, Waypoint, load
+from mm.course import Circle, Course, VelocityKey, Waypoint, load
+from mm.driver import Driver
 from mm.recording import Recording
+from mm.settings import Settings
 from motion import quat
 from motion.errors import UserError
 from motion.pose import Poses
@@ -186,6 +189,49 @@ def test_a_system_that_the_database_cannot_have_is_left_out_with_a_note(database
     assert any("big is left out: needs more data" in note for note in result.notes)
     with pytest.raises(UserError, match="needs more data"):
         compare(database, systems=["big"], **options)
+
+
+def test_a_database_without_feet_is_compared_without_skate(database, tmp_path):
+    footless = replace(database, contact_roles=(), contacts=database.contacts[:, :0])
+    result = compare(footless, courses=["circle"], systems=["mm-brute-free"], seconds=1, timed_seconds=0.1)
+    assert np.isnan(cell(result, "mm-brute-free", "skate_cm_s")) and np.isnan(
+        cell(result, DATA, "glide_share")
+    )
+    assert cell(result, "mm-brute-free", "path_cm") >= 0
+    report.save(result, tmp_path, command="")
+    facts = json.loads((tmp_path / "summary.json").read_text())
+    assert facts["summary"][1]["skate_cm_s"] is None and facts["database"]["foot_joints"] == []
+
+
+def test_the_obstacles_of_a_course_are_in_the_way(database):
+    ahead = replace(STRAIGHT, circles=(Circle(center=(0.3, 3.0), radius=0.5),))
+    result = compare(
+        database, courses=[STRAIGHT, ahead], systems=["mm-brute-free"], seconds=4, timed_seconds=0.1
+    )
+    clear, blocked = (np.linalg.norm(trace.walked - [0.3, 3.0], axis=1).min() for trace in result.traces)
+    # The simulated object keeps the body's radius away, and the character may be that far from it.
+    keeps = Settings().body_radius - Settings().maximal_distance
+    assert clear < 0.4 and blocked > 0.5 + keeps - 0.01
+
+
+def test_equal_runs_are_asked_and_judged_once(database, monkeypatch):
+    asked, judged = [], []
+    real_command, real_judge = Driver.command, quality.judge
+    monkeypatch.setattr(Driver, "command", lambda *a: asked.append(a[0].course.name) or real_command(*a))
+    monkeypatch.setattr(quality, "judge", lambda *a, **k: judged.append(k["course"]) or real_judge(*a, **k))
+    shares = {"one": 1.0, "same": 1.0, "half": 0.5, "again": 1.0}
+    entries = [
+        systems.Entry(name, lambda db, n, obstacles=(), name=name: Obedient(db, n, name, share=shares[name]))
+        for name in shares
+    ]
+    result = compare(database, courses=[STRAIGHT, STEPS], systems=entries, seconds=2, timed_seconds=0.1)
+    assert judged == ["straight", "steps", "straight", "steps"]
+    assert len(asked) == 2 * 2 * 120  # two ways a course
+    numbers = result.courses[[c for c in result.courses if not c.endswith("_us") and c != "system"]]
+    for course in range(2):
+        pd.testing.assert_series_equal(numbers.iloc[course], numbers.iloc[6 + course], check_names=False)
+        assert numbers.iloc[4 + course]["speed_ratio"] < 0.6 * numbers.iloc[course]["speed_ratio"]
+    assert [t.system for t in result.traces] == list(result.courses["system"])
 
 
 def test_registered_systems_are_chosen_by_name_family_and_pattern(monkeypatch):

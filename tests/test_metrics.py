@@ -58,6 +58,31 @@ def test_foot_skate_is_measured_above_the_resting_height():
     assert metrics.resting_heights(ankle) == pytest.approx([0.09])
 
 
+def test_resting_heights_are_those_of_walking_not_of_lying():
+    """An animal lies for 8 s with its hocks on the ground, then walks for 2 s; they stand at 12 cm."""
+    frames, walks = 600, np.arange(600) >= 480
+    feet = np.zeros((frames, 2, 3))
+    feet[:, :, 1] = 0.004
+    steps = np.stack([np.sin(np.arange(frames) / 9) > 0, np.sin(np.arange(frames) / 9) <= 0], axis=1)
+    feet[walks, :, 1] = np.where(steps[walks], 0.12, 0.2)
+    speed = np.where(walks, 0.8, 0.0)
+    contacts = np.where(walks[:, None], steps, True)
+    assert metrics.resting_heights(feet, contacts, speed) == pytest.approx([0.12, 0.12])
+    assert metrics.resting_heights(feet) == pytest.approx([0.004, 0.004])
+    # Whoever never walks has the low percentile; so has a foot that is hardly ever down while walking.
+    assert metrics.resting_heights(feet, contacts, 0 * speed) == pytest.approx([0.004, 0.004])
+    contacts[walks, 1] = False
+    assert metrics.resting_heights(feet, contacts, speed) == pytest.approx([0.12, 0.004])
+
+
+def test_without_feet_nothing_skates_and_nothing_glides():
+    none, root = np.zeros((61, 0, 3)), np.cumsum(np.full((61, 2), 0.02), axis=0)
+    assert metrics.resting_heights(none, np.zeros((61, 0)), np.ones(61)).shape == (0,)
+    assert np.isnan(metrics.foot_skate(none, FPS, np.zeros(0)))
+    assert np.isnan(metrics.skate_ratio(none, FPS, np.zeros(0)))
+    assert np.isnan(metrics.glide_share(none, root, FPS))
+
+
 def test_foot_skate_averages_feet_and_characters():
     feet = np.stack([foot(0.8, 0.0), foot(0.0, 0.0)], axis=1)  # two characters, one foot each
     assert metrics.foot_skate(feet, FPS) == pytest.approx(40)
