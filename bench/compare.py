@@ -82,8 +82,8 @@ def compare(
     ----------
     courses : names, TOML files or courses; each lasts as long as it says, a way as long as it takes at its
         own speeds, but at most seconds.
-    systems : names, families, patterns (see `bench.systems.choose`) or entries; all when None, leaving out
-        with a note those that this database cannot have.
+    systems : names, families, patterns (see `bench.systems.choose`) or entries; all when None. Those that
+        this database cannot have are left out with a note, unless none is left.
     indexes : search indexes of motion matching; all when None.
     timed_seconds : how much of each course the clock runs; the metrics are those of all of it.
     seed : of courses with a random user; their own when None.
@@ -119,9 +119,9 @@ def compare(
             try:
                 system = entry.make(database, 1, obstacles=obstacles)
             except UserError as error:
-                if systems is not None or indexes is not None:
-                    raise
                 absent.add(entry.name)
+                if len(absent) == len(chosen):
+                    raise
                 notes.append(f"{entry.name} is left out: {error}")
                 continue
             system.name, built = entry.name, (entry.name, obstacles.tobytes())
