@@ -77,7 +77,7 @@ def _build_options(command: Any) -> Any:
 @click.option(
     "--indexes", type=Listed(), metavar="A,B", help="Search indexes of motion matching.  [default: all]"
 )
-@click.option("--seconds", type=float, default=60.0, show_default=True, help="Of each course, at most.")
+@click.option("--seconds", type=float, default=40.0, show_default=True, help="Of each course, at most.")
 @click.option("--seed", type=click.IntRange(0), help="Of the random user.  [default: the course's own]")
 @click.option(
     "--scale/--no-scale", default=True, show_default=True, help="Bring course speeds to the data's."

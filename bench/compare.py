@@ -27,7 +27,7 @@ from .driving import Again, Clock, Diverged
 from .systems import Entry, choose
 
 COURSES = ("thesis", "circle", "star", "start-stop", "turn-180", "strafe", "random")
-SECONDS = 60.0  # at most, of each course
+SECONDS = 40.0  # at most, of each course
 TIMED_SECONDS, REPEATS = 5.0, 3
 WORST = ("pop_cm",)  # of these a system's summary row has the largest, of all other metrics the mean
 DATA = "(the clips)"
