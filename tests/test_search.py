@@ -201,7 +201,7 @@ def test_tags_choose_frames(name):
 @pytest.mark.parametrize("name", APPROXIMATE)
 def test_approximate_index_finds_most(name):
     rng = np.random.default_rng(5)
-    features = smooth(rng, 20000, 27)
+    features = smooth(rng, 6000, 27)
     starts, stops = ranges(rng, len(features), 10)
     _, current, _ = asked(rng, features, 60)
     queries = features[current] + rng.normal(size=(60, 27)).astype(np.float32) * 0.3

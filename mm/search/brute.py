@@ -65,8 +65,9 @@ class Brute:
 def scan(features, subset, tags, query, terms, current, radius, required, forbidden, frames, costs):
     """Update the k best frames [k] and costs [k] of one query [F] with the frames in subset."""
     for frame in subset:
-        row = features[frame]
-        cost = terms_cost(query, row, terms) if len(terms) else row_cost(query, row)
+        cost = (
+            row_cost(query, features[frame]) if terms is None else terms_cost(query, features[frame], terms)
+        )
         if cost < costs[-1] and admitted(frame, current, radius, tags[frame], required, forbidden):
             insert(frames, costs, frame, cost)
 

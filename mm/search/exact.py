@@ -53,10 +53,10 @@ class Exact:
         frames = searchable(len(self.features), starts, stops, ignore_end)
         rows = self.features[frames]
         terms = of_schema(schema)
-        if len(terms):
-            axes, ends = norms(terms, rows.shape[1])
-        else:
+        if terms is None:
             axes, ends = tree.principal_axes(rows), np.zeros(0, np.int64)
+        else:
+            axes, ends = norms(terms, rows.shape[1])
         grown = tree.grow(rows, axes, ends)
         places = np.where(grown.places < 0, len(frames), grown.places)
         leaf_frames = np.append(frames, np.int32(-1))[places]
@@ -66,9 +66,7 @@ class Exact:
             leaf_frames, leaf_tags,
         )  # fmt: skip
         self.nbytes = sum(array.nbytes for array in arrays)
-        # With None the kernel is compiled without what it does not need.
-        sums: tuple[Any, Any] = (ends, terms) if len(terms) else (None, None)
-        self.kernel = partial(descend, *arrays, *sums, self.features)
+        self.kernel = partial(descend, *arrays, None if terms is None else ends, terms, self.features)
         self.pool = ThreadPoolExecutor(threads) if threads > 1 else None
         self.threads = threads
 

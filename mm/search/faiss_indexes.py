@@ -175,7 +175,7 @@ class Pq(_Faiss):
     def __init__(self, *args: Any, rerank: int = 64, **options: Any) -> None:
         super().__init__(*args, rerank=rerank, **options)
 
-    def _make(self, rows: NDArray[np.float32], columns: int = 2, **options: Any) -> Any:
+    def _make(self, rows: NDArray[np.float32], columns: int = 3, **options: Any) -> Any:
         bits = min(8, int(np.log2(max(1, len(rows) // _ROWS_PER_CENTROID))))
         if bits < 4:
             return faiss.IndexFlatL2(rows.shape[1])

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from .brute import rank
 from .protocol import Request
 from .rows import costs_of
-from .terms import of_schema
 
-EUCLIDEAN = of_schema(None)
+EUCLIDEAN = None  # in place of a schema's terms
 
 
 def answer(

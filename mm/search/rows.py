@@ -75,9 +75,9 @@ def sound(queries, bounds):
 
 @numba.njit(cache=True, nogil=True)
 def costs_of(features, frames, query, terms):
-    """Costs float32 [n] of the frames [n] to a query [F]; no terms: squared Euclidean."""
+    """Costs float32 [n] of the frames [n] to a query [F]; terms None: squared Euclidean."""
     costs = np.empty(len(frames), np.float32)
     for i in range(len(frames)):
         row = features[frames[i]]
-        costs[i] = terms_cost(query, row, terms) if len(terms) else row_cost(query, row)
+        costs[i] = row_cost(query, row) if terms is None else terms_cost(query, row, terms)
     return costs

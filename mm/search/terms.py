@@ -17,13 +17,13 @@ from .rows import ABSOLUTE, PATH, SQUARED
 _KINDS = {"squared": SQUARED, "absolute": ABSOLUTE, "path": PATH}
 
 
-def of_schema(schema: Schema | None) -> NDArray[np.int32]:
+def of_schema(schema: Schema | None) -> NDArray[np.int32] | None:
     """Kind, first column, and one past the last column of each feature, int32 [features, 3].
 
-    None at all, [0, 3], for the squared Euclidean distance.
+    None for the squared Euclidean distance: kernels are then compiled without the other costs.
     """
     if schema is None or schema.euclidean:
-        return np.zeros((0, 3), np.int32)
+        return None
     rows = [
         (_KINDS[f.residual], schema.slices[f.name].start, schema.slices[f.name].stop) for f in schema.features
     ]
