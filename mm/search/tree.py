@@ -59,7 +59,8 @@ def grow(rows: NDArray[np.float32], axes: NDArray[np.float64], ends: NDArray[np.
     padded = np.full((leaves * LEAF, columns), FAR)
     padded[:count] = points[order]
     stored = np.clip(padded, -FAR, FAR).astype(np.float16)
-    squares = np.add.reduceat((padded - stored) ** 2, np.append(0, ends), axis=1)
+    squares = np.pad((padded - stored) ** 2, ((0, 0), (0, 1)))  # there may be nothing behind the last block
+    squares = np.add.reduceat(squares, np.append(0, ends), axis=1)
     errors = np.stack([np.sqrt(squares[:, :-1]).sum(axis=1), np.sqrt(squares[:, -1])], axis=1)
     errors = errors.reshape(leaves, LEAF, 2).max(axis=1)
 
