@@ -69,6 +69,8 @@ def _flags(options: Mapping[str, Any]) -> list[str]:
             flags.append("--mirror" if value else "--no-mirror")
         elif value is True:
             flags.append(flag)
+        elif isinstance(value, tuple):
+            flags += [word for each in value for word in (flag, str(each))]
         elif value not in (None, False):
             flags += [flag, str(value)]
     return flags

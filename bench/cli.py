@@ -60,6 +60,7 @@ def _build_options(command: Any) -> Any:
             click.option("--mirror/--no-mirror", default=True, show_default=True, help="Mirrored copies."),
             click.option("--jobs", type=click.IntRange(1), help="Threads.  [default: one a core]"),
             click.option("--skip-bad", is_flag=True, help="Leave unusable clips out."),
+            console.exclude_option,
         )
     ):
         command = option(command)
@@ -221,6 +222,8 @@ def open_database(
     names = ", ".join(sources)
     first = Path(sources[0])
     if len(sources) == 1 and first.is_file() and first.suffix.lower() not in CLIPS:
+        if options.get("exclude"):
+            raise UserError("this database is built already", path=first, remedy="leave out --exclude")
         return _load(sources[0]), names
     database = building.build(sources, **options, note=_note, progress=console.progress)
     if output is not None:

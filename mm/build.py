@@ -47,6 +47,7 @@ def build(
     tags: PathLike | None = None,
     folder_tags: bool = False,
     skip_bad: bool = False,
+    exclude: Sequence[str] = (),
     note: Callable[[str], None] | None = None,
     progress: Callable[..., Iterator[Any]] | None = None,
 ) -> Database:
@@ -67,11 +68,13 @@ def build(
     tags : a file of tag rules, see `mm.tags`.
     folder_tags : give every clip a tag with its folder's name.
     skip_bad : leave clips out that cannot be used, with a note, instead of failing on the first.
+    exclude : shell patterns of clips to leave out, by name or by path from the source on.
     note : called with each remark for the user, a line.
     progress : wraps the loops over clips, as `motion.console.progress` does.
 
     A folder without clips, a clip that cannot be read, is too short or not finite, clips without a common
-    skeleton and a role that the schema needs and no joint plays are UserErrors.
+    skeleton, a role that the schema needs and no joint plays, and a pattern to exclude that matches no clip
+    are UserErrors.
     """
     work = Work.of(jobs, note, progress)
     if not 1 <= fps <= 1000:
@@ -97,7 +100,11 @@ def build(
         check(clip, schema, fps)
         return clip
 
-    clips = _read(read, sources.find(paths), skip_bad, work)
+    files = sources.find(paths, exclude=exclude)
+    if exclude:
+        every = len(sources.find(paths))
+        work.note(f"{every - len(files)} of {every} clips are left out, as --exclude says")
+    clips = _read(read, files, skip_bad, work)
     led = sum(dropped[clip.source] > 0 for clip in clips)
     if led:
         work.note(

@@ -66,6 +66,7 @@ OUTPUT = click.option(
 )
 @click.option("--folder-tags", is_flag=True, help="Tag every clip with the name of its folder.")
 @click.option("--skip-bad", is_flag=True, help="Leave clips out that cannot be used, instead of failing.")
+@console.exclude_option
 def build(sources: tuple[str, ...], output: str, **options: Any) -> None:
     """Build a database from clips (BVH, AMC) and folders."""
     start = time.perf_counter()

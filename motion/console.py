@@ -52,6 +52,12 @@ def group(name: str, summary: str) -> Callable[[Callable], Group]:
 
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print machine-readable JSON.")
+exclude_option = click.option(
+    "--exclude",
+    multiple=True,
+    metavar="PATTERN",
+    help="Leave clips of this name, or path in its source, out: 'jump*', '127/*'.  [repeatable]",
+)
 
 
 def print_json(value: Any) -> None:

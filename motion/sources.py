@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from pathlib import Path
 
 from . import asfamc, bvh, kinematics, units
@@ -64,16 +65,20 @@ def load(
     return units.to_metres(clip, unit_to_m)
 
 
-def find(sources: Iterable[str | os.PathLike[str]] | str | os.PathLike[str]) -> list[Path]:
+def find(
+    sources: Iterable[str | os.PathLike[str]] | str | os.PathLike[str], *, exclude: Sequence[str] = ()
+) -> list[Path]:
     """Motion files that sources (files and folders, searched to any depth) name, sorted, each once.
 
-    A missing path, a folder without clips, or a file of another format is a UserError. Hidden files and
-    folders inside a source are passed over.
+    Those whose stem, or path from the source on, matches one of the shell patterns in exclude are left out.
+    A missing path, a folder without clips, a file of another format, or a pattern that matches nothing is a
+    UserError. Hidden files and folders inside a source are passed over.
     """
     if isinstance(sources, (str, os.PathLike)):
         sources = [sources]
+    sources = list(map(Path, sources))
     found: dict[Path, Path] = {}
-    for source in map(Path, sources):
+    for source in sources:
         if source.is_dir():
             files = [
                 Path(folder, name)
@@ -94,7 +99,22 @@ def find(sources: Iterable[str | os.PathLike[str]] | str | os.PathLike[str]) -> 
             found.setdefault(file.resolve(), file)
     if not found:
         raise UserError("no sources given", remedy="name motion files or folders")
-    return sorted(found.values())
+    return _without(sorted(found.values()), sources, exclude)
+
+
+def _without(files: list[Path], sources: list[Path], patterns: Sequence[str]) -> list[Path]:
+    names = {
+        file: {file.stem, *(file.relative_to(s).as_posix() for s in sources if file.is_relative_to(s))}
+        for file in files
+    }
+    for pattern in patterns:
+        if not any(fnmatchcase(name, pattern) for known in names.values() for name in known):
+            some = ", ".join(file.stem for file in files[:5]) + ", ..." * (len(files) > 5)
+            raise UserError(f"no clip to exclude is named like {pattern!r}", remedy=f"the clips are {some}")
+    kept = [f for f in files if not any(fnmatchcase(name, p) for name in names[f] for p in patterns)]
+    if not kept:
+        raise UserError(f"all {len(files)} clips are excluded", remedy="exclude fewer")
+    return kept
 
 
 def _hidden(path: Path, source: Path) -> bool:

@@ -68,6 +68,14 @@ def test_build_passes_its_options(walker_files: Path, tmp_path: Path) -> None:
     assert found.tag_names == (walker_files.name,) and (found.tags == 1).all()
 
 
+def test_build_leaves_out_what_is_excluded(walker_files: Path, tmp_path: Path) -> None:
+    arguments = ["build", walker_files, "-o", tmp_path / "db", "--exclude", "*_turn", "--exclude"]
+    assert "no clip to exclude is named like 'jump'" in _fails(*arguments, "jump")
+    result = _mm(*arguments, "run")
+    assert result.exit_code == 0 and "note: 3 of 5 clips are left out" in result.stderr
+    assert set(Database.load(tmp_path / "db").names) == {"stand", "straight"}
+
+
 def test_info(db: Path) -> None:
     facts = json.loads(_mm("info", db, "--json").stdout)
     assert facts["clips"] == 5 and facts["mirrored"] == 5 and facts["frames"] == 3000 and facts["fps"] == 60

@@ -121,3 +121,25 @@ def test_find(tree):
 def test_what_is_not_found(tree, names, message):
     with pytest.raises(UserError, match=message):
         sources.find([tree / name for name in names])
+
+
+@pytest.mark.parametrize(
+    ("patterns", "left"),
+    [
+        (["b"], ["a/deep/er/c.BVH", "a/z.bvh"]),  # a stem
+        (["a/deep/*"], ["a/z.bvh", "b.bvh"]),  # a path from the source on
+        (["[bc]", "z"], None),
+        (["c", "b*"], ["a/z.bvh"]),
+    ],
+)
+def test_excluded_clips_are_left_out(tree, patterns, left):
+    if left is None:
+        with pytest.raises(UserError, match="all 3 clips are excluded"):
+            sources.find(tree, exclude=patterns)
+    else:
+        assert sources.find(tree, exclude=patterns) == [tree / name for name in left]
+
+
+def test_a_pattern_that_excludes_nothing_is_named(tree):
+    with pytest.raises(UserError, match=r"like 'jump\*'; the clips are c, z, b"):
+        sources.find(tree, exclude=["z", "jump*"])
