@@ -67,11 +67,12 @@ def resting_heights(
     *,
     moving: float = MOVING,
     percentile: float = 5,
+    share: float = 25,
 ) -> Array:
     """Height [C] at which each foot joint stands while the character walks.
 
-    The median of y of feet [T, C, 3] over the frames in contact (contacts [T, C]) while the root is faster
-    than moving (speed [T], m/s): whoever sits or lies rests a foot joint lower than it ever stands. Feet with
+    A percentile (share) of y of feet [T, C, 3] over the frames in contact (contacts [T, C]) while the root is
+    faster than moving (speed [T], m/s): whoever sits or lies rests a foot joint lower than it ever stands. Feet with
     fewer than 10 such frames, and all feet where contacts or speed are not given, take a low percentile over
     all frames; not the minimum, so that capture noise and a few frames below the floor do not set it.
 
@@ -83,7 +84,7 @@ def resting_heights(
         return heights
     steps = np.asarray(contacts, bool) & (np.asarray(speed) > moving)[:, None]
     for c in np.flatnonzero(steps.sum(axis=0) >= FEWEST):
-        heights[c] = np.median(y[steps[:, c], c])
+        heights[c] = np.percentile(y[steps[:, c], c], share)
     return heights
 
 
@@ -130,6 +131,16 @@ def skate_ratio(
     low = above < height
     skates = low[1:] & low[:-1] & (moved > speed)
     return float(skates.any(axis=-1).mean()) if skates.size else float("nan")
+
+
+def airborne_share(feet: Array, rest: ArrayLike = 0.0, *, height: float = CONTACT_HEIGHT) -> float:
+    """Share of frames in which every foot of feet [T, ..., C, 3] is higher than height above rest.
+
+    Running has flight, walking none: a walk that is matched by hops shows here and not in skate. NaN without
+    feet.
+    """
+    above = np.asarray(feet, np.float64)[..., 1] - np.asarray(rest) > height
+    return float(above.all(axis=-1).mean()) if above.size else float("nan")
 
 
 def glide_share(feet: Array, root: Array, fps: float, *, speed: float = 0.3, share: float = 0.5) -> float:

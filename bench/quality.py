@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from motion import kinematics, quat
+from motion import contacts, kinematics, quat
 from motion.skeleton import Skeleton
 
 from . import metrics
@@ -22,27 +22,29 @@ SAMPLED_FRAMES = 30_000
 
 @dataclass(frozen=True, eq=False)
 class Feet:
-    """The joints whose skate counts, left before right, and the height at which each rests."""
+    """What touches the ground, left first (`motion.contacts.touching_points`), and how high it rests."""
 
     joints: list[int]
+    points: Array
     rest: Array
 
     @staticmethod
     def of(database: Any) -> Feet:
         """The contact joints of a database; heights from up to 30,000 of its frames (`resting_heights`)."""
-        joints = [database.skeleton.role(role) for role in database.contact_roles]
+        joints, points = contacts.touching_points(database.skeleton, database.contact_roles)
         frames = np.linspace(0, len(database) - 1, min(len(database), SAMPLED_FRAMES)).astype(np.int64)
         poses = database.poses[frames]
-        world = world_positions(database.skeleton, poses.positions, poses.rotations)
+        touches = contacts.place_points(
+            *world_transforms(database.skeleton, poses.positions, poses.rotations), joints, points
+        )
         speed = np.linalg.norm(poses.velocities[:, 0][:, [0, 2]], axis=-1)
-        return Feet(joints, metrics.resting_heights(world[:, joints], database.contacts[frames], speed))
+        rest = metrics.resting_heights(touches, database.contacts[frames], speed)
+        return Feet(joints, points, rest)
 
 
-def world_positions(skeleton: Skeleton, positions: Array, rotations: Array) -> Array:
-    """World positions [..., J, 3] of local transforms, float64."""
-    return kinematics.forward(skeleton, np.asarray(positions, np.float64), np.asarray(rotations, np.float64))[
-        0
-    ]
+def world_transforms(skeleton: Skeleton, positions: Array, rotations: Array) -> tuple[Array, Array]:
+    """World positions [..., J, 3] and rotations [..., J, 4] of local transforms, float64."""
+    return kinematics.forward(skeleton, np.asarray(positions, np.float64), np.asarray(rotations, np.float64))
 
 
 def in_root_space(skeleton: Skeleton, positions: Array, rotations: Array) -> Array:
@@ -96,12 +98,12 @@ def judge(
     course: str = "",
 ) -> tuple[dict[str, float], Trace]:
     """Metrics and trace of a recording's arrays [T, N, ...] (see `mm.recording`); path [P, 2] or None."""
-    world = world_positions(skeleton, arrays["positions"], arrays["rotations"])
+    world, turned = world_transforms(skeleton, arrays["positions"], arrays["rotations"])
     root = world[:, :, 0][..., [0, 2]]
     yaws = quat.yaw(np.asarray(arrays["rotations"][:, :, 0], np.float64))
     asked = np.asarray(arrays["command_velocity"], np.float64)
     transition = np.asarray(arrays["transition"], bool)
-    standing = world[:, :, feet.joints]
+    standing = contacts.place_points(world, turned, feet.joints, feet.points)
     local = in_root_space(skeleton, arrays["positions"], arrays["rotations"])
     pops = metrics.pops(local)
     errors = metrics.trajectory_error(root, yaws, arrays["command_yaw"], path)
@@ -110,6 +112,7 @@ def judge(
         "skate_cm_s": metrics.foot_skate(standing, fps, feet.rest),
         "skate_ratio": metrics.skate_ratio(standing, fps, feet.rest),
         "glide_share": metrics.glide_share(standing, root, fps),
+        "airborne_share": metrics.airborne_share(standing, feet.rest),
         "path_cm": errors.mean_cm,
         "path_p95_cm": errors.p95_cm,
         "heading_deg": errors.heading_deg,
@@ -160,15 +163,15 @@ def of_data(database: Any, feet: Feet) -> dict[str, float]:
         if stop - start < 4:
             continue
         poses = database.poses[start:stop]
-        world = world_positions(database.skeleton, poses.positions, poses.rotations)
+        world, turned = world_transforms(database.skeleton, poses.positions, poses.rotations)
+        standing = contacts.place_points(world, turned, feet.joints, feet.points)
         local = in_root_space(database.skeleton, poses.positions, poses.rotations)
         rows.append(
             {
-                "skate_cm_s": metrics.foot_skate(world[:, feet.joints], database.fps, feet.rest),
-                "skate_ratio": metrics.skate_ratio(world[:, feet.joints], database.fps, feet.rest),
-                "glide_share": metrics.glide_share(
-                    world[:, feet.joints], world[:, 0][:, [0, 2]], database.fps
-                ),
+                "skate_cm_s": metrics.foot_skate(standing, database.fps, feet.rest),
+                "skate_ratio": metrics.skate_ratio(standing, database.fps, feet.rest),
+                "glide_share": metrics.glide_share(standing, world[:, 0][:, [0, 2]], database.fps),
+                "airborne_share": metrics.airborne_share(standing, feet.rest),
                 "jerk_m_s3": metrics.jerk(world, database.fps),
                 "ordinary_pop_cm": float(np.percentile(metrics.pops(local)[2:], 99)),
                 "speed_mps": float(metrics.root_speed(world[:, 0][:, [0, 2]], database.fps).mean()),

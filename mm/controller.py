@@ -206,8 +206,8 @@ class Controller:
         if self._legs is not None:
             legs = self._legs
             self._kernels.lock_feet(
-                self._feet, self._contacts, settings, self._parents, legs.needed, legs.joints, legs.hinges,
-                legs.heights, shown.positions, self._rotations,
+                self._feet, self._contacts, settings, self._parents, legs.needed, legs.joints, legs.points,
+                legs.hinges, legs.heights, shown.positions, self._rotations,
             )  # fmt: skip
         self._lap("foot lock")
         return self._pose

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from motion import kinematics, quat
+from motion import contacts, kinematics, quat
 from motion.errors import UserError
 
 from .database import Database
@@ -29,12 +29,14 @@ class Legs:
     Attributes
     ----------
     joints : int64 [C, 4], upper joint, middle joint, end joint, and the joint that touches the ground.
+    points : float32 [C, 3], what touches, in that joint's frame (`motion.contacts.touching_points`).
     hinges : float32 [C, 3], the middle joint's axis in the upper joint's frame, unit; a positive turn bends.
-    heights : float32 [C, 2], lowest and highest usual height of the touching joint in contact, metres.
+    heights : float32 [C, 2], lowest and highest usual height of the touching point in contact, metres.
     needed : int64 [..], every joint from the root to these, parents first.
     """
 
     joints: NDArray[np.int64]
+    points: NDArray[np.float32]
     hinges: NDArray[np.float32]
     heights: NDArray[np.float32]
     needed: NDArray[np.int64]
@@ -62,16 +64,18 @@ def find_legs(database: Database, *, foot_height: float | None = None) -> Legs:
     sample = np.unique(np.linspace(0, len(database) - 1, _SAMPLE).astype(np.int64))
     poses = database.poses[sample]
     positions, rotations = kinematics.forward(skeleton, poses.positions, poses.rotations)
+    touching, points = contacts.touching_points(skeleton, database.contact_roles)
+    touches = contacts.place_points(positions, rotations, touching, points)
     hinges = np.zeros((len(joints), 3), np.float32)
     heights = np.zeros((len(joints), 2), np.float32)
-    for c, (upper, middle, end, touch) in enumerate(joints):
+    for c, (upper, middle, end, _) in enumerate(joints):
         bend = np.cross(positions[:, middle] - positions[:, upper], positions[:, end] - positions[:, middle])
         axis = quat.rotate(quat.inv(rotations[:, upper]), bend).sum(axis=0)
         length = np.linalg.norm(axis)
         hinges[c] = axis / length if length > 0 else (1, 0, 0)
-        height, contact = positions[:, touch, 1], database.contacts[sample, c] != 0
+        height, contact = touches[:, c, 1], database.contacts[sample, c] != 0
         if foot_height is not None:
             heights[c] = foot_height
         else:
             heights[c] = np.percentile(height[contact] if contact.any() else height, USUAL)
-    return Legs(joints, hinges, heights, np.array(needed, np.int64))
+    return Legs(joints, points.astype(np.float32), hinges, heights, np.array(needed, np.int64))

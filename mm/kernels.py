@@ -289,11 +289,13 @@ def synchronize(characters, settings, obstacles, positions, rotations, velocitie
 
 
 @_jit
-def lock_feet(feet, contacts, settings, parents, needed, legs, hinges, heights, positions, rotations):
+def lock_feet(feet, contacts, settings, parents, needed, legs, points, hinges, heights, positions,
+              rotations):  # fmt: skip
     """Hold feet in contact where they are, by two-bone inverse kinematics; changes rotations in place.
 
     feet [N, C] records (`mm.characters.FOOT`), contacts [N, C]; needed [..] joints whose world transform is
-    asked for, parents first; legs [C, 4]: up_leg, leg, foot and the joint that touches the ground; hinges
+    asked for, parents first; legs [C, 4]: up_leg, leg, foot and the joint that touches the ground; points
+    [C, 3]: where in that joint's frame it touches; hinges
     [C, 3]: the knee's axis in the up_leg's frame; heights [C, 2]: lowest and highest of a locked joint.
     """
     s = settings[0]
@@ -316,12 +318,17 @@ def lock_feet(feet, contacts, settings, parents, needed, legs, hinges, heights, 
             for a in range(4):
                 world_rot[j, a] = q[a]
         for k in range(len(legs)):
-            touch = world_pos[legs[k, 3]]
+            j = legs[k, 3]
+            tip = rotate(
+                (world_rot[j, 0], world_rot[j, 1], world_rot[j, 2], world_rot[j, 3]),
+                (points[k, 0], points[k, 1], points[k, 2]),
+            )
+            touch = (world_pos[j, 0] + tip[0], world_pos[j, 1] + tip[1], world_pos[j, 2] + tip[2])
             place, wanted = _update_contact(
                 feet[i, k], contacts[i, k] != 0, touch, heights[k, 0], heights[k, 1], s
             )
             if wanted:
-                _reach(place, legs[k], hinges[k], parents, world_pos, world_rot, rotations[i])
+                _reach(place, touch, legs[k], hinges[k], parents, world_pos, world_rot, rotations[i])
 
 
 @_jit
@@ -371,12 +378,11 @@ def _update_contact(foot, contact, target, low, high, s):
 
 
 @_jit
-def _reach(place, leg, hinge, parents, world_pos, world_rot, rotations):
-    """Bend a leg so that its touching joint comes to place, the foot keeping its rotation in the world."""
+def _reach(place, touch, leg, hinge, parents, world_pos, world_rot, rotations):
+    """Bend a leg so that what touches comes from touch to place; the foot keeps its rotation in the world."""
     hip = (world_pos[leg[0], 0], world_pos[leg[0], 1], world_pos[leg[0], 2])
     knee = (world_pos[leg[1], 0], world_pos[leg[1], 1], world_pos[leg[1], 2])
     ankle = (world_pos[leg[2], 0], world_pos[leg[2], 1], world_pos[leg[2], 2])
-    touch = world_pos[leg[3]]
     goal = (place[0] + ankle[0] - touch[0], place[1] + ankle[1] - touch[1], place[2] + ankle[2] - touch[2])
     thigh = (knee[0] - hip[0], knee[1] - hip[1], knee[2] - hip[2])
     shin = (ankle[0] - knee[0], ankle[1] - knee[1], ankle[2] - knee[2])

@@ -171,7 +171,8 @@ def synchronize(characters, settings, obstacles, positions, rotations, velocitie
     angular[:, 0] = np.stack([nothing, rate[:, 2], nothing], axis=-1)
 
 
-def lock_feet(feet, contacts, settings, parents, needed, legs, hinges, heights, positions, rotations):
+def lock_feet(feet, contacts, settings, parents, needed, legs, points, hinges, heights, positions,
+              rotations):  # fmt: skip
     """See `mm.kernels.lock_feet`."""
     s = settings[0]
     world_pos, world_rot = positions.copy(), rotations.copy()
@@ -180,11 +181,11 @@ def lock_feet(feet, contacts, settings, parents, needed, legs, hinges, heights, 
         world_pos[:, j] = world_pos[:, p] + quat.rotate(world_rot[:, p], positions[:, j])
         world_rot[:, j] = quat.mul(world_rot[:, p], rotations[:, j])
     for k, leg in enumerate(legs):
-        target = world_pos[:, leg[3]]
+        target = world_pos[:, leg[3]] + quat.rotate(world_rot[:, leg[3]], points[k])
         place = _update_contact(feet[:, k], contacts[:, k] != 0, target, heights[k], s)
         wanted = np.abs(place - target).sum(axis=-1) > 1e-4
         bent = rotations.copy()
-        _reach(place, leg, hinges[k], parents, world_pos, world_rot, bent)
+        _reach(place, target, leg, hinges[k], parents, world_pos, world_rot, bent)
         rotations[wanted] = bent[wanted]
 
 
@@ -215,8 +216,8 @@ def _update_contact(foot, contact, target, heights, s):
     return place
 
 
-def _reach(place, leg, hinge, parents, world_pos, world_rot, rotations):
-    hip, knee, ankle, touch = (world_pos[:, j].astype(np.float64) for j in leg)
+def _reach(place, touch, leg, hinge, parents, world_pos, world_rot, rotations):
+    hip, knee, ankle = (world_pos[:, j].astype(np.float64) for j in leg[:3])
     goal = place + ankle - touch
     thigh, shin, reach = knee - hip, ankle - knee, goal - hip
     a, b = np.linalg.norm(thigh, axis=-1), np.linalg.norm(shin, axis=-1)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from . import kinematics
+from . import kinematics, quat
 from .clip import Clip
 from .errors import UserError
 from .roles import on_all_fours
@@ -37,15 +37,36 @@ def contact_roles(skeleton: Skeleton, positions: NDArray | None = None) -> tuple
 def contacts(
     clip: Clip, *, roles: Sequence[str] | None = None, speed: float = SPEED, window: float = WINDOW
 ) -> NDArray[np.uint8]:
-    """Ground contacts [T, C], 1 where the joint of roles[c] (default `contact_roles`) is still.
+    """Ground contacts [T, C], 1 where the point that roles[c] (default `contact_roles`) touches with is still.
 
     Still means slower than speed (m/s), after a median filter over window seconds (REFERENCE 2.6).
     """
     if roles is None:
         roles = contact_roles(clip.skeleton, some_positions([clip]))
-    joints = [clip.skeleton.role(role) for role in roles]
-    velocities = _world_velocities(clip, joints)
+    velocities = _world_velocities(clip, *touching_points(clip.skeleton, roles))
     return still(velocities, clip.fps, speed=speed, window=window)
+
+
+def touching_points(skeleton: Skeleton, roles: Sequence[str]) -> tuple[list[int], NDArray[np.float64]]:
+    """What roles touch the ground with: joints [C], and the points in these joints' frames [C, 3], metres.
+
+    A toe touches with its joint. A foot or a hand without joints beyond touches with its end site where it
+    has one (the tip of the foot, the paw): the joint itself is an ankle, which never rests.
+    """
+    joints = [skeleton.role(role) for role in roles]
+    points = np.zeros((len(joints), 3))
+    for c, (role, joint) in enumerate(zip(roles, joints, strict=True)):
+        if not role.endswith("toe") and not np.any(skeleton.parents == joint):
+            points[c] = skeleton.end_sites.get(joint, np.zeros(3))
+    return joints, points
+
+
+def place_points(
+    world_positions: NDArray, world_rotations: NDArray, joints: Sequence[int], points: NDArray
+) -> NDArray[np.floating]:
+    """World positions [..., C, 3] of `touching_points`, from the joints' world transforms [..., J, ..]."""
+    joints = list(joints)
+    return world_positions[..., joints, :] + quat.rotate(world_rotations[..., joints, :], points)
 
 
 def some_positions(clips: Sequence[Clip], count: int = 200) -> NDArray[np.floating]:
@@ -66,8 +87,8 @@ def still(
     return median(rates < speed, max(1, round(window * fps))).astype(np.uint8)
 
 
-def _world_velocities(clip: Clip, joints: Sequence[int]) -> NDArray[np.floating]:
-    """World velocities [T, C, 3] of some joints, through the hierarchy as the public reference does.
+def _world_velocities(clip: Clip, joints: Sequence[int], points: NDArray) -> NDArray[np.floating]:
+    """World velocities [T, C, 3] of points of joints, through the hierarchy as the public reference does.
 
     Differences of world positions are the same to second order only, which matters near the threshold.
     """
@@ -80,14 +101,16 @@ def _world_velocities(clip: Clip, joints: Sequence[int]) -> NDArray[np.floating]
         skeleton.offsets[needed],
     )
     positions, rotations = clip.positions[:, needed], clip.rotations[:, needed]
-    _, _, velocities, _ = kinematics.forward_velocities(
+    _, world_rotations, velocities, angular = kinematics.forward_velocities(
         chain,
         positions,
         rotations,
         kinematics.velocities(positions, clip.fps),
         kinematics.angular_velocities(rotations, clip.fps),
     )
-    return velocities[:, [place[j] for j in joints]]
+    own = [place[j] for j in joints]
+    arms = quat.rotate(world_rotations[:, own], points)
+    return velocities[:, own] + np.cross(angular[:, own], arms)
 
 
 def median(flags: NDArray[np.bool_], size: int) -> NDArray[np.bool_]:

@@ -83,6 +83,13 @@ def test_without_feet_nothing_skates_and_nothing_glides():
     assert np.isnan(metrics.glide_share(none, root, FPS))
 
 
+def test_airborne_is_when_every_foot_is_up():
+    feet = np.zeros((4, 2, 3))
+    feet[:, :, 1] = [[0.1, 0.1], [0.1, 0.16], [0.3, 0.2], [0.3, 0.16]]
+    assert metrics.airborne_share(feet, [0.1, 0.1]) == 0.5
+    assert np.isnan(metrics.airborne_share(np.zeros((61, 0, 3))))
+
+
 def test_foot_skate_averages_feet_and_characters():
     feet = np.stack([foot(0.8, 0.0), foot(0.0, 0.0)], axis=1)  # two characters, one foot each
     assert metrics.foot_skate(feet, FPS) == pytest.approx(40)
