@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import os
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -100,7 +102,7 @@ def info(
     if as_json:
         console.print_json([{key: _rounded(value) for key, value in row.items()} for row in rows])
     else:
-        console.print_table(rows)
+        console.print_table(*_short_paths(rows))
 
 
 @main.command("roles", epilog="Example: python -m motion roles rig.bvh --roles mine.toml")
@@ -257,6 +259,15 @@ def _clips(
     for path in console.progress(sources.find(files), label=label, unit="files"):
         clip = sources.load(path, fps=fps, unit_to_m=unit_to_m)
         yield path, clip.replace(skeleton=role_files.apply(clip.skeleton, overrides)) if overrides else clip
+
+
+def _short_paths(rows: list[dict[str, Any]]) -> tuple[list[dict[str, Any]], str | None]:
+    """On a terminal the folder that all files are in goes into the table's title."""
+    alike = len({Path(row["file"]).is_absolute() for row in rows}) == 1
+    folder = os.path.commonpath([Path(row["file"]).parent for row in rows]) if alike else ""
+    if not folder or not sys.stdout.isatty():
+        return rows, None
+    return [{**row, "file": os.path.relpath(row["file"], folder)} for row in rows], f"in {folder}"
 
 
 def _targets(source: Path, target: Path) -> dict[Path, Path]:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import json
+import os
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import Any, TypeVar
+from typing import Any, TextIO, TypeVar
 
 import click
 
@@ -23,6 +25,8 @@ class Group(click.Group):
         kwargs["standalone_mode"] = False
         try:
             code = super().main(*args, **kwargs)
+            if sys.stdout is not None:
+                sys.stdout.flush()  # at exit it would be too late to report a full disk
             sys.exit(code if isinstance(code, int) else 0)
         except UserError as error:
             message, code = str(error), 2
@@ -39,10 +43,53 @@ class Group(click.Group):
         except MemoryError:
             message, code = "out of memory; give it fewer or shorter inputs", 2
         except BrokenPipeError:
-            sys.stderr.close()
+            _silence(sys.stdout, sys.stderr)
             sys.exit(1)
-        print("error: " + " ".join(message.split()), file=sys.stderr)
+        except OSError as error:
+            # Without a file's name it is standard output, whose rest cannot be written either.
+            message, code = f"{error.filename or 'standard output'}: {error.strerror or error}", 2
+            if error.filename is None:
+                _silence(sys.stdout)
+        with contextlib.suppress(OSError, ValueError):
+            if sys.stderr is not None:  # print would take standard output instead
+                print("error: " + " ".join(message.split()), file=sys.stderr)
         sys.exit(code)
+
+
+def _silence(*streams: TextIO | None) -> None:
+    """Point streams that cannot be written to nowhere, or Python would complain about them at exit."""
+    with contextlib.suppress(OSError, ValueError), open(os.devnull, "w") as nowhere:
+        for stream in filter(None, streams):
+            os.dup2(nowhere.fileno(), stream.fileno())
+
+
+class Number(click.ParamType):
+    """A finite number from least to most; above least where it is 0 and above_0 is set."""
+
+    name = "number"
+
+    def __init__(self, least: float, most: float, *, above_0: bool = False) -> None:
+        self.least, self.most, self.above_0 = least, most, above_0
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        try:
+            number = float(value)
+        except (TypeError, ValueError):
+            self.fail(f"{value!r} is not a number", param, ctx)
+        if not self.least <= number <= self.most or (self.above_0 and number <= 0):
+            start = (
+                f"above 0, at most {self.most:,g}" if self.above_0 else f"{self.least:g} to {self.most:,g}"
+            )
+            self.fail(f"{value} is out of range; give a number {start}", param, ctx)
+        return number
+
+
+# Limits far beyond any use, but below what fills a memory or overflows.
+RATE = Number(1, 1000)
+SECONDS = Number(0, 1e5, above_0=True)
+SPEED = Number(0, 100, above_0=True)
+SIZE = Number(1e-3, 1e3)
+COUNT = click.IntRange(1, 1_000_000)
 
 
 def group(name: str, summary: str) -> Callable[[Callable], Group]:
@@ -60,6 +107,11 @@ exclude_option = click.option(
 )
 
 
+def is_terminal(stream: TextIO | None) -> bool:
+    """Whether a stream, which is None where it was closed, is a terminal."""
+    return stream is not None and stream.isatty()
+
+
 def print_json(value: Any) -> None:
     """One JSON document on standard output (numbers rounded by the caller, never NaN: null instead)."""
     print(json.dumps(value, indent=1, default=_plain, allow_nan=False))
@@ -73,19 +125,55 @@ def _plain(value: Any) -> Any:
     raise TypeError(f"{type(value).__name__} does not go into JSON")
 
 
+READABLE = 24  # letters a line that text in a cell may be folded to
+
+
 def print_table(rows: Sequence[Mapping[str, Any]], title: str | None = None) -> None:
-    """A table on the terminal: columns are the first row's keys; numbers stand right, None is a dash."""
+    """A table: columns are the first row's keys; numbers stand right, None is a dash.
+
+    In a file or a pipe a row is a line. On a terminal too narrow for it, text is folded, numbers and headers
+    are not: columns that do not fit follow in further tables, each with the first column again.
+    """
     from rich.console import Console
+
+    console = Console(width=None if is_terminal(sys.stdout) else 10_000, highlight=False, markup=False)
+    cells = {key: [format_cell(row.get(key)) for row in rows] for key in (rows[0] if rows else ())}
+    texts = {key for key in cells if any(isinstance(row.get(key), str) for row in rows)}
+    least = {
+        key: max(len(key), min(max(map(len, column)), READABLE if key in texts else console.width))
+        for key, column in cells.items()
+    }
+    for i, keys in enumerate(_fitting(least, console.width)):
+        if i:
+            console.print()
+        _print_columns(console, keys, cells, texts, None if i else title)
+
+
+def _fitting(widths: Mapping[str, int], available: int) -> list[list[str]]:
+    """Columns in groups that fit, each begun by the first column."""
+    keys = list(widths)
+    groups = [keys[:1]]
+    for key in keys[1:]:
+        group = [*groups[-1], key]
+        if sum(widths[k] + 3 for k in group) - 3 <= available or len(groups[-1]) == 1:
+            groups[-1] = group
+        else:
+            groups.append([keys[0], key])
+    return groups
+
+
+def _print_columns(
+    console: Any, keys: Sequence[str], cells: Mapping[str, list[str]], texts: set[str], title: str | None
+) -> None:
     from rich.table import Table
 
-    width = None if sys.stdout.isatty() else 10_000  # in a file or a pipe a row is a line
     table = Table(title=title, title_justify="left", show_edge=False, pad_edge=False)
-    if rows:
-        for key, value in rows[0].items():
-            table.add_column(key, justify="left" if isinstance(value, str) else "right", overflow="fold")
-        for row in rows:
-            table.add_row(*(format_cell(row.get(key)) for key in rows[0]))
-    Console(width=width, highlight=False).print(table)
+    for key in keys:
+        text = key in texts
+        table.add_column(key, justify="left" if text else "right", overflow="fold", no_wrap=not text)
+    for row in zip(*(cells[key] for key in keys), strict=True):
+        table.add_row(*row)
+    console.print(table)
 
 
 def format_cell(value: Any) -> str:
@@ -104,7 +192,7 @@ def progress(items: Iterable[T], *, label: str, total: int | None = None, unit: 
     """
     if total is None and hasattr(items, "__len__"):
         total = len(items)  # type: ignore[arg-type]
-    if sys.stderr.isatty():
+    if is_terminal(sys.stderr):
         from rich.console import Console
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 

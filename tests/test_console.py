@@ -7,6 +7,7 @@ import json
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
@@ -44,6 +45,11 @@ def show(as_json: bool) -> None:
         console.print_json({"frames": np.int32(3), "rates": np.array([0.5, 1.0]), "path": Path("a/b")})
     else:
         click.echo("three frames")
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
 
 
 def run(*arguments: str) -> Result:
@@ -153,6 +159,36 @@ def test_off_a_terminal_a_row_is_one_line(capsys: pytest.CaptureFixture[str]) ->
     assert row["clip"] in capsys.readouterr().out.splitlines()[-1]
 
 
+def printed(monkeypatch: pytest.MonkeyPatch, *table: Any) -> list[str]:
+    """What `print_table` shows on a terminal of 80 columns."""
+    terminal = Terminal()
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setenv("TERM", "dumb")
+    monkeypatch.setattr(sys, "stdout", terminal)
+    console.print_table(*table)
+    return terminal.getvalue().splitlines()
+
+
+def test_a_narrow_terminal_splits_the_columns_and_wraps_no_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    numbers = {f"mean_speed_{i}_mps": 1234.0 + i for i in range(9)}
+    lines = printed(monkeypatch, [{"clip": "walk"} | numbers, {"clip": "run"} | numbers], "Clips")
+    assert max(map(len, lines)) <= 80
+    words = " ".join(lines).replace("┃", " ").replace("│", " ").split()
+    # 16 letters a header: three fit beside the first column, so three tables, each with it again.
+    assert [words.count(word) for word in ("Clips", "clip", "walk", "run")] == [1, 3, 3, 3]
+    assert all(words.count(name) == 1 for name in numbers)
+    assert all(words.count(console.format_cell(value)) == 2 for value in numbers.values())
+
+
+def test_a_narrow_terminal_folds_text_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    row = {"name": "circle", "metres": 12345.678, "description": "round and " * 20 + "[end]"}
+    lines = [line.split("│") for line in printed(monkeypatch, [row])[2:]]
+    assert len(lines) > 3 and max(len("│".join(line)) for line in lines) <= 80
+    assert [cell.strip() for cell in lines[0][:2]] == ["circle", "12,346"]
+    text = " ".join(line[2].strip() for line in lines)
+    assert text == "round and " * 20 + "[end]"
+
+
 def test_an_empty_table_is_no_fault(capsys: pytest.CaptureFixture[str]) -> None:
     console.print_table([], title="Nothing")
     assert "error" not in capsys.readouterr().err
@@ -193,10 +229,6 @@ def test_progress_without_a_total_counts_up(clock: list[float], capsys: pytest.C
 def test_progress_on_a_terminal_keeps_to_standard_error(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    class Terminal(io.StringIO):
-        def isatty(self) -> bool:
-            return True
-
     terminal = Terminal()
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setattr(sys, "stderr", terminal)

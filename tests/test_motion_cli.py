@@ -1,6 +1,9 @@
 """``python -m motion``: what it prints and writes, and how it fails."""
 
 import json
+import sys
+import types
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -36,6 +39,17 @@ def test_info_table_and_json(run, walker_files):
     assert list(row)[:4] == ["file", "frames", "fps", "seconds"]
     assert row["frames"] == 300 and row["fps"] == 60 and row["joints"] == 22 and row["unit_to_m"] == 1
     assert row["mean_speed_mps"] == pytest.approx(1.2, rel=0.01) and row["forward_share"] > 0.99
+
+
+def test_info_says_a_common_folder_once_on_a_terminal(monkeypatch):
+    rows = [{"file": "clips/cmu/a/1.bvh", "frames": 1}, {"file": "clips/cmu/2.bvh", "frames": 2}]
+    assert cli._short_paths(rows) == (rows, None)  # rows of a pipe stand for themselves
+    monkeypatch.setattr(sys, "stdout", types.SimpleNamespace(isatty=lambda: True))
+    short, title = cli._short_paths(rows)
+    assert title == f"in {Path('clips/cmu')}"
+    assert short == [{"file": str(Path("a/1.bvh")), "frames": 1}, {"file": "2.bvh", "frames": 2}]
+    mixed = [*rows, {"file": "/elsewhere/3.bvh", "frames": 3}]
+    assert cli._short_paths(mixed) == (mixed, None)
 
 
 def test_info_with_a_stated_rate_and_unit(run, walker_files):
