@@ -20,7 +20,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from . import digits, euler, quat, text
+from . import digits, euler, files, quat, text
 from .clip import Clip
 from .errors import UserError
 from .skeleton import Skeleton, sort_topologically
@@ -329,7 +329,7 @@ def find_asf(path: str | os.PathLike[str]) -> Path:
     path = Path(path)
     subjects = list(dict.fromkeys([path.stem, path.stem.rsplit("_", 1)[0], path.stem.split("_", 1)[0]]))
     remedy = f"put {subjects[-1]}.asf beside it"
-    if not path.is_file():
+    if files.kind(path) is None:
         raise UserError("no such file", path=path, remedy="check the path")
     here = sorted(p for p in path.parent.iterdir() if p.suffix.lower() == ".asf")
     for subject in subjects:

@@ -265,7 +265,7 @@ def _short_paths(rows: list[dict[str, Any]]) -> tuple[list[dict[str, Any]], str 
     """On a terminal the folder that all files are in goes into the table's title."""
     alike = len({Path(row["file"]).is_absolute() for row in rows}) == 1
     folder = os.path.commonpath([Path(row["file"]).parent for row in rows]) if alike else ""
-    if not folder or not sys.stdout.isatty():
+    if not folder or not console.is_terminal(sys.stdout):
         return rows, None
     return [{**row, "file": os.path.relpath(row["file"], folder)} for row in rows], f"in {folder}"
 

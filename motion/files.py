@@ -8,14 +8,16 @@ The same content always gives the same bytes, so the checksum is the content's f
 from __future__ import annotations
 
 import contextlib
+import errno
 import hashlib
 import json
 import os
+import stat
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,35 +43,122 @@ _CHUNK = 1 << 22
 _BLANK = "0" * 32
 
 
+def kind(path: str | os.PathLike[str]) -> Literal["file", "folder", "other"] | None:
+    """What lies at a path: a regular file, a folder, something else (a pipe, a device) or nothing.
+
+    A path that cannot be looked at (no permission, a name too long) is a UserError.
+    """
+    try:
+        mode = os.stat(path).st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    except OSError as error:
+        if error.errno == errno.ELOOP:
+            return None
+        raise _cannot("read", error, path) from error
+    except ValueError as error:  # a NUL character in the path
+        raise UserError(f"cannot read: {error}", path=path, remedy="check the path") from error
+    return "folder" if stat.S_ISDIR(mode) else "file" if stat.S_ISREG(mode) else "other"
+
+
+def check_input(path: str | os.PathLike[str]) -> None:
+    """A UserError unless path is a regular file: reading a pipe or a device may never end."""
+    found = kind(path)
+    if found == "file":
+        return
+    folder, other = "it is a folder, expected a file", "it is not a regular file"
+    what = {None: "No such file or directory", "folder": folder, "other": other}[found]
+    raise UserError(f"cannot read: {what}", path=path, remedy="check the path")
+
+
+def read_text(path: str | os.PathLike[str], *, remedy: str) -> str:
+    """Text of a UTF-8 file, with or without a byte order mark; a missing or binary one is a UserError."""
+    check_input(path)
+    try:
+        return Path(path).read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise _cannot("read", error, path) from error
+    except UnicodeDecodeError as error:
+        raise UserError("not a text file", path=path, remedy=remedy) from error
+
+
+def check_output(
+    path: str | os.PathLike[str], *, inputs: Iterable[str | os.PathLike[str] | None] = ()
+) -> None:
+    """Say before the work, not after it, that path cannot be written or that it is one of the inputs.
+
+    inputs are files that are read, and others that are written; None stands for one that was not given.
+    """
+    if kind(path) == "folder":
+        raise UserError("cannot write: it is a folder", path=path, remedy="name a file to write")
+    if kind(path) == "other":
+        raise UserError("cannot write: it is not a regular file", path=path, remedy="name a file to write")
+    for other in inputs:
+        if other is not None and _same(path, other):
+            raise UserError(
+                f"would be written over {os.fspath(other)}", path=path, remedy="name another file to write"
+            )
+    try:
+        folder = Path(os.path.realpath(path)).parent
+        while kind(folder) is None:
+            folder = folder.parent
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise _cannot("write", error, path) from error
+
+
+def _same(one: str | os.PathLike[str], other: str | os.PathLike[str]) -> bool:
+    try:
+        return os.path.samefile(one, other)
+    except (OSError, ValueError):
+        return os.path.abspath(one) == os.path.abspath(other)
+
+
+def _cannot(what: str, error: OSError, path: str | os.PathLike[str]) -> UserError:
+    remedy = "nothing was written" if what == "write" else "check the path and its permissions"
+    return UserError(f"cannot {what}: {error.strerror or error}", path=path, remedy=remedy)
+
+
 @contextlib.contextmanager
 def atomic(path: str | os.PathLike[str], mode: str = "wb") -> Iterator[IO[Any]]:
     """Open a temporary file beside path; on success it becomes path, on any error it is removed.
 
     A full disk, a folder that cannot be written or a device in the file's place is a UserError.
     """
-    path = Path(os.path.realpath(path))
-    if path.exists() and not path.is_file():
+    if kind(path) in ("folder", "other"):
         raise UserError("cannot write: it is not a regular file", path=path, remedy="name a file to write")
-    temporary = None
+    temporary, body = None, None
+    made: list[Path] = []
     try:
+        path = folder = Path(os.path.realpath(path))
+        while kind(folder := folder.parent) is None:
+            made.append(folder)
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+        handle, temporary = tempfile.mkstemp(prefix=f".{path.name[:40]}.", dir=path.parent)
         os.fchmod(handle, 0o644) if hasattr(os, "fchmod") else None
         options: dict[str, Any] = {} if "b" in mode else {"encoding": "utf-8", "newline": "\n"}
         with os.fdopen(handle, mode, **options) as stream:
-            yield stream
+            try:
+                yield stream
+            except OSError as error:
+                # One that names a file is about that file; a write to the stream names none.
+                body = error if error.filename is not None else None
+                raise
             stream.flush()
             os.fsync(stream.fileno())
         os.replace(temporary, path)
-        temporary = None
+        temporary, made = None, []
     except OSError as error:
-        if isinstance(error, FileNotFoundError) and error.filename not in (None, str(path), temporary):
+        if error is body:
             raise
-        raise UserError(f"cannot write: {error.strerror}", path=path, remedy="nothing was written") from error
+        raise _cannot("write", error, path) from error
     finally:
-        if temporary is not None:
-            with contextlib.suppress(OSError):
+        with contextlib.suppress(OSError):
+            if temporary is not None:
                 os.unlink(temporary)
+            for folder in made:
+                folder.rmdir()
 
 
 def fingerprint(arrays: Mapping[str, NDArray], metadata: Mapping[str, Any]) -> str:
@@ -147,6 +236,7 @@ def load(
     UserError; the checksum of the whole content is verified.
     """
     path = Path(path)
+    check_input(path)
     remake = f"make it again or restore a whole copy of this {kind}"
     try:
         size = path.stat().st_size
@@ -158,7 +248,7 @@ def load(
             raw = stream.read(length)
         data = np.memmap(path, np.uint8, "r", 8 + length) if size > 8 + length else np.zeros(0, np.uint8)
     except OSError as error:
-        raise UserError(f"cannot read: {error.strerror}", path=path) from error
+        raise _cannot("read", error, path) from error
     try:
         table = json.loads(raw)
         header = table.pop("__metadata__")

@@ -13,6 +13,7 @@ from . import asfamc, bvh, kinematics, units
 from . import roles as role_guess
 from .clip import Clip
 from .errors import UserError
+from .files import kind
 
 
 @dataclass(frozen=True)
@@ -77,26 +78,29 @@ def find(
     if isinstance(sources, (str, os.PathLike)):
         sources = [sources]
     sources = list(map(Path, sources))
-    found: dict[Path, Path] = {}
+    found: dict[str, Path] = {}
     for source in sources:
-        if source.is_dir():
+        what = kind(source)
+        if what == "folder":
             files = [
                 Path(folder, name)
-                for folder, subfolders, names in os.walk(source)
+                for folder, subfolders, names in os.walk(source, onerror=_unreadable)
                 if subfolders.sort() is None
                 for name in names
                 if Path(name).suffix.lower() in FORMATS and not _hidden(Path(folder, name), source)
             ]
             if not files:
                 raise UserError("no clips in this folder", path=source, remedy=_choices())
-        elif source.is_file():
+        elif what == "file":
             if source.suffix.lower() not in FORMATS:
                 raise UserError("not a motion file", path=source, remedy=_choices())
             files = [source]
+        elif what == "other":
+            raise UserError("not a regular file", path=source, remedy=_choices())
         else:
             raise UserError("no such file or folder", path=source, remedy="check the path")
         for file in files:
-            found.setdefault(file.resolve(), file)
+            found.setdefault(os.path.realpath(file), file)
     if not found:
         raise UserError("no sources given", remedy="name motion files or folders")
     return _without(sorted(found.values()), sources, exclude)
@@ -115,6 +119,18 @@ def _without(files: list[Path], sources: list[Path], patterns: Sequence[str]) ->
     if not kept:
         raise UserError(f"all {len(files)} clips are excluded", remedy="exclude fewer")
     return kept
+
+
+def inputs(sources: Iterable[str | os.PathLike[str]] | str | os.PathLike[str]) -> list[Path]:
+    """All files that may be read for the sources, skeletons beside AMC files too: nothing to write over."""
+    found = find(sources)
+    folders = dict.fromkeys(file.parent for file in found if file.suffix.lower() == ".amc")
+    return [*found, *(file for folder in folders for file in sorted(folder.glob("*.[aA][sS][fF]")))]
+
+
+def _unreadable(error: OSError) -> None:
+    what = f"cannot read this folder: {error.strerror}"
+    raise UserError(what, path=error.filename, remedy="change its permissions") from error
 
 
 def _hidden(path: Path, source: Path) -> bool:

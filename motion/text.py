@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from . import files
 from .errors import UserError
 
 WHOLE_COPY = "restore a whole copy of the file"
@@ -16,14 +17,11 @@ def read_bytes(path: str | os.PathLike[str]) -> bytes:
     A missing, unreadable or empty file, a folder or device, and text in 16-bit characters are a UserError.
     """
     path = Path(path)
+    files.check_input(path)
     try:
-        if path.exists() and not path.is_file():
-            raise UserError("not a file", path=path, remedy="name a motion file")
         data = path.read_bytes()
     except OSError as error:
         raise UserError(f"cannot read: {error.strerror}", path=path, remedy="check the path") from error
-    except ValueError as error:  # a NUL character in the path
-        raise UserError(f"cannot read: {error}", path=path, remedy="check the path") from error
     if not data or data.isspace():
         raise UserError("the file is empty", path=path, remedy=WHOLE_COPY)
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):

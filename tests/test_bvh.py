@@ -397,7 +397,7 @@ def test_faults(save, fault):
 def test_paths_that_are_no_files(tmp_path):
     with pytest.raises(UserError, match="cannot read: No such file"):
         bvh.parse(tmp_path / "missing.bvh")
-    with pytest.raises(UserError, match="not a file"):
+    with pytest.raises(UserError, match="it is a folder"):
         bvh.parse(tmp_path)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -32,6 +33,8 @@ def fail(kind: str) -> None:
         "click": click.ClickException("no such thing"),
         "interrupt": KeyboardInterrupt(),
         "memory": MemoryError(),
+        "file": PermissionError(13, "Permission denied", "a/secret"),
+        "pipe": OSError(28, "No space left on device"),
         "bug": ZeroDivisionError("a fault of ours"),
     }
     raise failures[kind]
@@ -254,3 +257,58 @@ def test_a_present_extra_is_used() -> None:
 
     assert answer(1) == 2
     assert answer.__doc__ == "The docstring stays."
+
+
+def test_a_file_error_that_nobody_foresaw_is_one_line(capfd: pytest.CaptureFixture[str]) -> None:
+    result = run("fail", "file")
+    assert result.exit_code == 2 and result.stderr == "error: a/secret: Permission denied\n"
+
+
+COMMAND = """
+import click, sys
+from motion import console
+@console.group("tool", "A tool.")
+def tool(): pass
+@tool.command()
+def many():
+    console.print_table([{"a": 1}])
+    for _ in console.progress(range(3), label="x"): pass
+@tool.command()
+def bad(): raise console.UserError("no")
+tool([sys.argv[1]])
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs a shell and /dev/full")
+@pytest.mark.parametrize(
+    ("command", "streams", "code", "word"),
+    [
+        ("many", ">/dev/full", 2, "error: standard output: No space left on device"),
+        ("many", ">&-", 0, ""),
+        ("many", "2>&-", 0, "1"),
+        ("many", ">&- 2>&-", 0, ""),
+        ("bad", "2>&-", 2, ""),
+        ("bad", "2>/dev/full", 2, ""),
+    ],
+)
+def test_streams_that_are_full_or_closed(command: str, streams: str, code: int, word: str) -> None:
+    line = f'exec "$0" -c "$1" {command} {streams}'
+    root = Path(__file__).resolve().parents[1]
+    done = subprocess.run(
+        ["sh", "-c", line, sys.executable, COMMAND], cwd=root, capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode == code
+    assert "Traceback" not in done.stderr and (word in done.stdout + done.stderr)
+    assert word or not done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("value", ["nan", "inf", "-inf", "-1", "0", "1e6", "x", ""])
+def test_numbers_out_of_range_are_refused(value: str) -> None:
+    with pytest.raises(click.BadParameter):
+        console.SECONDS.convert(value, None, None)
+
+
+def test_numbers_in_range_are_taken() -> None:
+    assert console.SECONDS.convert("1e5", None, None) == 1e5
+    assert console.RATE.convert("1", None, None) == 1
+    assert console.Number(0, 5).convert(0, None, None) == 0

@@ -251,3 +251,71 @@ def test_a_disk_that_fills_up_leaves_nothing_and_keeps_the_old_file(tmp_path: Pa
     assert done.stdout.startswith(f"{path}: cannot write: File too large")
     assert [entry.name for entry in tmp_path.iterdir()] == ["full"]
     assert files.load(path, KIND, 1)[2] == mark
+
+
+def test_what_lies_at_a_path(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("x")
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    os.mkfifo(tmp_path / "pipe")
+    found = {
+        name: files.kind(tmp_path / name) for name in ("file", ".", "pipe", "absent", "file/below", "loop")
+    }
+    assert found == {
+        "file": "file",
+        ".": "folder",
+        "pipe": "other",
+        "absent": None,
+        "file/below": None,
+        "loop": None,
+    }
+    for path in (tmp_path / ("n" * 300), Path("nul\0")):
+        with pytest.raises(UserError, match="cannot read"):
+            files.kind(path)
+
+
+def test_a_pipe_is_refused_instead_of_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for read in (lambda p: files.load(p, KIND, 1), lambda p: files.read_text(p, remedy="")):
+        with pytest.raises(UserError, match="not a regular file"):
+            read(tmp_path / "pipe")
+
+
+def test_an_output_that_is_an_input_is_refused_however_it_is_spelt(tmp_path: Path) -> None:
+    (tmp_path / "in").write_text("kept")
+    (tmp_path / "link").symlink_to(tmp_path / "in")
+    os.link(tmp_path / "in", tmp_path / "hard")
+    for name in ("in", "link", "hard", "./in"):
+        with pytest.raises(UserError, match="would be written over"):
+            files.check_output(f"{tmp_path}/{name}", inputs=[None, tmp_path / "in"])
+    with pytest.raises(UserError, match="would be written over"):  # two outputs, neither of which exists
+        files.check_output(tmp_path / "out", inputs=[tmp_path / "." / "out"])
+    files.check_output(tmp_path / "deep" / "out", inputs=[tmp_path / "in", tmp_path / "absent"])
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["hard", "in", "link"]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs a folder that nobody can write")
+def test_an_output_that_cannot_be_made_is_refused_before_and_at_writing() -> None:
+    for path in ("/proc/none/out", "/proc/out", "n" * 300, "/dev/null", "/dev/null/out"):
+        with pytest.raises(UserError, match="cannot"):
+            files.check_output(path)
+        with pytest.raises(UserError, match="cannot"), files.atomic(path):
+            pytest.fail("there is nothing to write to")
+
+
+def test_only_errors_about_other_files_pass_through_a_write(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError), files.atomic(tmp_path / "new" / "out"):
+        open(tmp_path / "absent").close()
+    with pytest.raises(UserError, match="cannot write: full"), files.atomic(tmp_path / "new" / "out"):
+        raise OSError(28, "full")
+    assert list(tmp_path.iterdir()) == []  # nor is the folder left that was made for it
+
+
+def test_a_working_folder_that_is_gone_is_a_clear_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "gone").mkdir()
+    monkeypatch.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    for write in (lambda: files.check_output("out"), lambda: files.save("out", KIND, 1, {}, {})):
+        with pytest.raises(UserError, match="cannot write"):
+            write()
