@@ -34,6 +34,7 @@ class Driver:
         round), so that no two do the same; otherwise all do the same.
     lookahead : seconds of travel to the point aimed at. A character that obeys at once keeps to a curve the
         better the smaller it is.
+    required_tags, forbidden_tags : tag bits that every command asks for and avoids (`Database.tag_mask`).
 
     Attributes
     ----------
@@ -52,10 +53,13 @@ class Driver:
         *,
         spread: bool = False,
         lookahead: float = LOOKAHEAD,
+        required_tags: int = 0,
+        forbidden_tags: int = 0,
     ) -> None:
         if count < 1 or not fps > 0 or not lookahead > 0:
             raise ValueError(f"count {count}, fps {fps}, lookahead {lookahead}: expected positive numbers")
         self.course, self.count, self.fps = course, count, fps
+        self._masks = required_tags, forbidden_tags
         self._part: _Way | _Script
         if course.waypoints:
             self._part = _Way(course, count, spread, lookahead)
@@ -91,6 +95,7 @@ class Driver:
         self._time = time
         command, arrived = self._part.command(time, positions, yaws, self._last_yaw)
         self._last_yaw = command.yaw
+        command.required_tags[:], command.forbidden_tags[:] = self._masks
         self.done = arrived or time >= self.limit - 1.5 / self.fps
         return command
 

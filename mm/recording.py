@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field, is_dataclass
 from typing import Any
 
@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from motion import config, console, files, quat
 from motion.clip import Clip
 from motion.errors import UserError
+from motion.pose import Poses
 from motion.skeleton import Skeleton
 
-from .control import System
+from .control import Command, System
 from .course import Course
 from .driver import Driver
 
@@ -33,7 +34,7 @@ class Recording:
     skeleton : J joints, joint 0 the ground root.
     fps : recorded frames per second.
     arrays : [T, N, ...] by name, what the system's `record` gave (below); also by ``recording["name"]``.
-    course : what it was driven over.
+    course : what it was driven over, or None.
     path : float64 [P, 2] polyline of the course's way, or None.
     settings : the system's settings as plain data.
     schema : the feature schema as plain data, or None.
@@ -60,7 +61,7 @@ class Recording:
     skeleton: Skeleton
     fps: float
     arrays: dict[str, NDArray]
-    course: Course
+    course: Course | None = None
     path: NDArray[np.float64] | None = None
     settings: dict[str, Any] = field(default_factory=dict)
     schema: dict[str, Any] | None = None
@@ -95,7 +96,7 @@ class Recording:
             )
         rotations = quat.normalize(self.arrays["rotations"][:, character].astype(np.float64))
         return Clip(
-            f"{self.course.name or 'run'}_{character}",
+            f"{(self.course and self.course.name) or 'run'}_{character}",
             self.skeleton,
             self.fps,
             self.arrays["positions"][:, character].astype(np.float64),
@@ -108,7 +109,7 @@ class Recording:
             "system": self.system,
             "skeleton": self.skeleton.to_json(),
             "fps": self.fps,
-            "course": self.course.to_dict(),
+            "course": self.course and self.course.to_dict(),
             "settings": self.settings,
             "schema": self.schema,
             "database": self.database,
@@ -127,7 +128,7 @@ class Recording:
             system=metadata["system"],
             skeleton=Skeleton.from_json(metadata["skeleton"]),
             fps=metadata["fps"],
-            course=config.from_dict(Course, metadata["course"]),
+            course=metadata["course"] and config.from_dict(Course, metadata["course"]),
             settings=metadata["settings"],
             schema=metadata["schema"],
             database=metadata["database"],
@@ -164,12 +165,10 @@ def record(
     """
     if seconds is not None and not (np.isfinite(seconds) and seconds > 0):
         raise UserError(f"a run of {seconds} seconds", remedy="give a number above 0")
-    if every < 1 or (characters is not None and characters < 1):
-        raise UserError(f"every {every} frames, {characters} characters", remedy="give numbers of at least 1")
     driver = driver or Driver(course, system.count, system.fps, spread=spread)
     driver.reset()
     frames = driver.frames if seconds is None else min(driver.frames, max(1, round(seconds * system.fps)))
-    tape = _Tape(-(-frames // every), every, characters)
+    recorder = Recorder(system, frames=frames, every=every, characters=characters)
     steps, label = _frames(frames, driver), course.name or "run"
     for frame in progress(steps, label=label, total=frames, unit="frames"):
         if frame == 0:
@@ -180,25 +179,8 @@ def record(
         poses = system.step(command)
         took = time.perf_counter() - start
         positions, yaws = poses.positions[:, 0, [0, 2]], quat.yaw(poses.rotations[:, 0])
-        stages = getattr(system, "stage_seconds", {}) if getattr(system, "timed", False) else {}
-        done = {
-            "command_velocity": command.velocity,
-            "command_yaw": command.yaw,
-            "positions": poses.positions,
-            "rotations": poses.rotations,
-        } | system.record()
-        tape.take(frame, done, took, stages)
-    return Recording(
-        system=system.name,
-        skeleton=system.skeleton,
-        fps=system.fps / every,
-        course=course,
-        path=driver.path,
-        settings=_plain(getattr(system, "settings", None)),
-        schema=_schema(system),
-        database=getattr(getattr(system, "database", None), "fingerprint", ""),
-        **tape.finish(),
-    )
+        recorder.take(command, poses, seconds=took)
+    return recorder.finish(course=course, path=driver.path)
 
 
 def _frames(frames: int, driver: Driver) -> Iterator[int]:
@@ -208,22 +190,48 @@ def _frames(frames: int, driver: Driver) -> Iterator[int]:
         yield frame
 
 
-class _Tape:
-    """Arrays for all frames, made at the first one, when their shapes are known."""
+class Recorder:
+    """Keeps what a system does in a loop of one's own; `record` is such a loop over a course.
 
-    def __init__(self, length: int, every: int, characters: int | None) -> None:
-        self._length, self._every, self._characters = length, every, characters
+        recorder = Recorder(system, frames=600)
+        for _ in range(600):
+            recorder.take(command, system.step(command))
+        recorder.finish().save("run.rec")
+
+    Parameters
+    ----------
+    frames : steps that will be taken at most.
+    every, characters : see `record`.
+    """
+
+    def __init__(self, system: System, *, frames: int, every: int = 1, characters: int | None = None) -> None:
+        if min(frames, every, 1 if characters is None else characters) < 1:
+            what = f"{frames} frames, every {every}, {characters} characters"
+            raise UserError(what, remedy="give numbers of at least 1")
+        self._system, self._every, self._characters = system, every, characters
+        self._frames, self._frame = frames, 0
+        self._length = -(-frames // every)
+        # Arrays for all frames, made at the first one, when their shapes are known.
         self._arrays: dict[str, NDArray] = {}
         self._flags: dict[str, NDArray] = {}
-        self._seconds = np.zeros(length)
+        self._seconds = np.zeros(self._length)
         self._stages: tuple[str, ...] = ()
-        self._rows = 0
+        self._stage_seconds = np.zeros((self._length, 0))
 
-    def take(
-        self, frame: int, done: Mapping[str, NDArray], seconds: float, stages: Mapping[str, float]
-    ) -> None:
+    def take(self, command: Command, poses: Poses, *, seconds: float = 0.0) -> None:
+        """Keep the step that the system has just made: what it was asked, its poses, how long it took."""
+        if self._frame == self._frames:
+            raise ValueError(f"more steps than the {self._frames} that this recorder was made for")
+        system = self._system
+        stages = getattr(system, "stage_seconds", {}) if getattr(system, "timed", False) else {}
+        done = {
+            "command_velocity": command.velocity,
+            "command_yaw": command.yaw,
+            "positions": poses.positions,
+            "rotations": poses.rotations,
+        } | system.record()
         done = {name: array[: self._characters] for name, array in done.items()}
-        if frame == 0:
+        if self._frame == 0:
             # Memory that is never written is never used: time that is not needed costs nothing.
             self._arrays = {n: np.empty((self._length, *a.shape), a.dtype) for n, a in done.items()}
             self._stages = tuple(stages)
@@ -231,23 +239,34 @@ class _Tape:
         for name, array in done.items():
             if array.dtype == bool:
                 self._flags[name] = array | self._flags[name] if name in self._flags else array.copy()
-        if frame % self._every:
+        row, between = divmod(self._frame, self._every)
+        self._frame += 1
+        if between:
             return
-        row = self._rows
         for name, array in done.items():
             self._arrays[name][row] = self._flags.pop(name) if name in self._flags else array
         self._seconds[row] = seconds
         self._stage_seconds[row] = [stages[name] for name in self._stages]
-        self._rows += 1
 
-    def finish(self) -> dict[str, Any]:
-        rows = slice(self._rows)
-        return {
-            "arrays": {name: array[rows] for name, array in self._arrays.items()},
-            "step_seconds": self._seconds[rows],
-            "stages": self._stages,
-            "stage_seconds": self._stage_seconds[rows],
-        }
+    def finish(self, *, course: Course | None = None, path: NDArray[np.float64] | None = None) -> Recording:
+        """The recording; course and path are what the system was driven over, where it was."""
+        if not self._frame:
+            raise ValueError("nothing was recorded: take a step first")
+        system, rows = self._system, slice(-(-self._frame // self._every))
+        return Recording(
+            system=system.name,
+            skeleton=system.skeleton,
+            fps=system.fps / self._every,
+            arrays={name: array[rows] for name, array in self._arrays.items()},
+            course=course,
+            path=path,
+            settings=_plain(getattr(system, "settings", None)),
+            schema=_schema(system),
+            database=getattr(getattr(system, "database", None), "fingerprint", ""),
+            step_seconds=self._seconds[rows],
+            stages=self._stages,
+            stage_seconds=self._stage_seconds[rows],
+        )
 
 
 def _plain(settings: Any) -> dict[str, Any]:

@@ -236,3 +236,10 @@ def test_start_and_facing_are_the_courses():
 def test_a_driver_of_nothing(options):
     with pytest.raises(ValueError, match="positive"):
         Driver(courses.load("circle"), **options)
+
+
+def test_every_command_bears_the_drivers_tags():
+    for course in ("circle", "random"):
+        driver = Driver(courses.load(course), 2, required_tags=5, forbidden_tags=2)
+        command = driver.command(0.0, driver.starts, driver.yaws)
+        assert command.required_tags.tolist() == [5, 5] and command.forbidden_tags.tolist() == [2, 2]

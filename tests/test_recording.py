@@ -9,7 +9,7 @@ from mm import course as courses
 from mm.control import Command
 from mm.course import Course, VelocityKey, Waypoint
 from mm.driver import Driver
-from mm.recording import Recording, record
+from mm.recording import Recorder, Recording, record
 from motion import quat
 from motion.errors import UserError
 from motion.pose import Poses
@@ -180,3 +180,31 @@ def test_a_clip_is_one_characters_motion():
 def test_a_run_of_nothing(options):
     with pytest.raises(UserError, match="give"):
         record(Point(), LINE, **options)
+
+
+def test_a_loop_of_ones_own_is_recorded(tmp_path):
+    system = Point(2)
+    system.reset(np.zeros((2, 2), np.float32), np.zeros(2, np.float32))
+    recorder, command = Recorder(system, frames=9, every=2, characters=1), Command.still(2)
+    for frame in range(5):
+        command.velocity[:] = (0, frame)
+        recorder.take(command, system.step(command), seconds=frame + 1)
+    recorder.finish().save(tmp_path / "own.rec")
+    recording = Recording.load(tmp_path / "own.rec")
+    assert recording.course is None and recording.path is None and recording.system == "point"
+    assert recording.fps == 30 and recording.count == 1 and recording.clip().name == "run_0"
+    np.testing.assert_array_equal(recording["command_velocity"][:, 0, 1], [0, 2, 4])
+    np.testing.assert_allclose(recording["positions"][:, 0, 0, 2] * 60, [0, 3, 10], atol=1e-4)
+    np.testing.assert_array_equal(recording.step_seconds, [1, 3, 5])
+
+
+def test_a_recorder_takes_as_many_steps_as_it_was_made_for():
+    system, still = Point(), Command.still(1)
+    system.reset(np.zeros((1, 2), np.float32), np.zeros(1, np.float32))
+    recorder = Recorder(system, frames=1)
+    with pytest.raises(ValueError, match="nothing was recorded"):
+        recorder.finish()
+    recorder.take(still, system.step(still))
+    with pytest.raises(ValueError, match="more steps than the 1"):
+        recorder.take(still, system.step(still))
+    assert len(recorder.finish()) == 1
