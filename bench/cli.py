@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from motion import console
+from motion import console, files
 from motion.errors import UserError
 
 if TYPE_CHECKING:
@@ -40,6 +40,8 @@ class Listed(click.ParamType):
             self.fail(f"{value!r} is not a list of numbers, as 1,16,256 is", param, ctx)
         if not found:
             self.fail("an empty list", param, ctx)
+        if self.kind is int:
+            found = tuple(console.COUNT.convert(number, param, ctx) for number in found)
         return found
 
 
@@ -47,7 +49,9 @@ def _build_options(command: Any) -> Any:
     """The options of a database build, on every command that may have to build one."""
     for option in reversed(
         (
-            click.option("--fps", type=float, default=60.0, show_default=True, help="Frames per second."),
+            click.option(
+                "--fps", type=console.RATE, default=60.0, show_default=True, help="Frames per second."
+            ),
             click.option(
                 "--schema", default="mm27", show_default=True, metavar="NAME|FILE", help="Features."
             ),
@@ -78,7 +82,9 @@ def _build_options(command: Any) -> Any:
 @click.option(
     "--indexes", type=Listed(), metavar="A,B", help="Search indexes of motion matching.  [default: all]"
 )
-@click.option("--seconds", type=float, default=40.0, show_default=True, help="Of each course, at most.")
+@click.option(
+    "--seconds", type=console.SECONDS, default=40.0, show_default=True, help="Of each course, at most."
+)
 @click.option("--seed", type=click.IntRange(0), help="Of the random user.  [default: the course's own]")
 @click.option(
     "--scale/--no-scale", default=True, show_default=True, help="Bring course speeds to the data's."
@@ -110,8 +116,8 @@ def compare(
     from . import systems as registry
 
     folder = None if output is None else Path(output)
-    if folder is not None and folder.exists() and not folder.is_dir():
-        raise UserError("cannot write: it is a file", path=folder, remedy="name a folder")
+    if folder is not None:
+        _check_folder(folder, sources, options)
     # Faults in what was asked for come before the work, not after it.
     registry.choose(systems, indexes=indexes)
     loaded = [known_courses.load(name) for name in courses or comparing.COURSES]
@@ -167,7 +173,7 @@ def search(
 @click.argument("db", type=click.Path())
 @click.option("--counts", type=Listed(int), default="1,16,256,1024", show_default=True, help="Characters.")
 @click.option("--index", default="exact", show_default=True, help="Search index.")
-@click.option("--seconds", type=float, default=5.0, show_default=True, help="Of each run.")
+@click.option("--seconds", type=console.SECONDS, default=5.0, show_default=True, help="Of each run.")
 @console.json_option
 def crowd(db: str, counts: tuple[int, ...], index: str, seconds: float, as_json: bool) -> None:
     """Microseconds a character and frame by number of characters, with and without search, by stage."""
@@ -221,7 +227,7 @@ def open_database(
 
     names = ", ".join(sources)
     first = Path(sources[0])
-    if len(sources) == 1 and first.is_file() and first.suffix.lower() not in CLIPS:
+    if len(sources) == 1 and files.kind(first) == "file" and first.suffix.lower() not in CLIPS:
         if options.get("exclude"):
             raise UserError("this database is built already", path=first, remedy="leave out --exclude")
         return _load(sources[0]), names
@@ -232,10 +238,20 @@ def open_database(
     return database, names
 
 
+def _check_folder(folder: Path, sources: tuple[str, ...], options: dict[str, Any]) -> None:
+    """A UserError unless the reports can be written, over nothing that is read."""
+    if files.kind(folder) not in (None, "folder"):
+        raise UserError("cannot write: it is a file", path=folder, remedy="name a folder")
+    inputs = [s for s in sources if files.kind(s) == "file"]
+    for name in ("database.mmdb", "summary.csv", "summary.json", "courses.csv", "report.html"):
+        others = [options["skeleton"], options["schema"]]
+        files.check_output(folder / name, inputs=[*others, *(inputs if name != "database.mmdb" else ())])
+
+
 def _load(path: str) -> Database:
     from mm.database import Database
 
-    if Path(path).is_dir():
+    if files.kind(path) == "folder":
         raise UserError("a folder, expected a database", path=path, remedy="make one with python -m mm build")
     return Database.load(path)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 from collections.abc import Sequence
@@ -62,16 +63,18 @@ STRIPS = 3  # different ways a course that are drawn as film strips
 
 
 def save(comparison: Comparison, folder: Path, *, command: str) -> list[Path]:
-    """Write summary.csv, courses.csv, summary.json and report.html, each whole or not at all."""
+    """Write summary.csv, courses.csv, summary.json and report.html, all of them or none."""
     texts = {
         "summary.csv": comparison.summary.to_csv(index=False, lineterminator="\n"),
         "courses.csv": comparison.courses.to_csv(index=False, lineterminator="\n"),
         "summary.json": json.dumps(to_json(comparison, command=command), indent=1, allow_nan=False) + "\n",
         "report.html": html(comparison, command=command),
     }
-    for name, text in texts.items():
-        with files.atomic(folder / name, "w") as stream:
+    with contextlib.ExitStack() as stack:
+        for name, text in texts.items():
+            stream = stack.enter_context(files.atomic(folder / name, "w"))
             stream.write(text)
+            stream.flush()  # a disk that is full leaves all the old files
     return [folder / name for name in texts]
 
 

@@ -12,7 +12,7 @@ import click
 
 from motion import console
 
-from .run import courses, run
+from .run import courses, run, settings
 
 if TYPE_CHECKING:
     from .database import Database
@@ -48,7 +48,9 @@ OUTPUT = click.option(
 @click.argument("sources", nargs=-1, required=True, type=click.Path())
 @OUTPUT
 @schema_option("mm27")
-@click.option("--fps", type=float, default=60.0, show_default=True, help="Frames per second of the database.")
+@click.option(
+    "--fps", type=console.RATE, default=60.0, show_default=True, help="Frames per second of the database."
+)
 @click.option(
     "--mirror/--no-mirror", default=True, show_default=True, help="Add a mirrored copy of every clip."
 )
@@ -60,7 +62,7 @@ OUTPUT = click.option(
     "--roles-only", is_flag=True, help="Keep only the schema's joints, so that skeletons may differ."
 )
 @ROLES
-@click.option("--source-fps", type=float, help="The clips' rate, where their files state a wrong one.")
+@click.option("--source-fps", type=console.RATE, help="The clips' rate, where their files state a wrong one.")
 @click.option(
     "--tags", type=click.Path(), metavar="FILE", help="CSV or TOML file of tags for clips or their frames."
 )
@@ -68,11 +70,21 @@ OUTPUT = click.option(
 @click.option("--skip-bad", is_flag=True, help="Leave clips out that cannot be used, instead of failing.")
 @console.exclude_option
 def build(sources: tuple[str, ...], output: str, **options: Any) -> None:
-    """Build a database from clips (BVH, AMC) and folders."""
+    """Build a database from clips (BVH, AMC) and folders.
+
+    \b
+    A file of tags, for clips by name and for frames of them as read:
+      tag,clips,start,stop
+      run,run*,,
+      turn,walk_07,120,240
+    """
     start = time.perf_counter()
+    from motion.sources import inputs
+
     from . import build as building
 
-    _check_output(output)
+    others = (options[name] for name in ("roles", "skeleton", "tags"))
+    _check_output(output, options["schema"], *others, *inputs(sources))
     db = building.build(sources, **options, note=_note, progress=console.progress)
     db.save(output)
     took = time.perf_counter() - start
@@ -109,7 +121,9 @@ def info(db: str, as_json: bool) -> None:
 @click.option(
     "--names", type=click.Path(), metavar="FILE", help="Text file with the joints' names, one a line."
 )
-@click.option("--fps", type=float, default=60.0, show_default=True, help="Frames per second of the files.")
+@click.option(
+    "--fps", type=console.RATE, default=60.0, show_default=True, help="Frames per second of the files."
+)
 def import_(
     directory: str, output: str, schema: str, roles: str | None, names: str | None, fps: float
 ) -> None:
@@ -122,7 +136,8 @@ def import_(
     """
     from . import interchange
 
-    _check_output(output)
+    binaries = (Path(directory, name) for name in ("database.bin", "features.bin"))
+    _check_output(output, schema, roles, names, *binaries)
     db = interchange.import_directory(
         directory, schema=schema, roles=roles, names=interchange.load_names(names) if names else None, fps=fps
     )
@@ -138,15 +153,20 @@ def export(db: str, output: str) -> None:
 
     The database DB becomes database.bin and features.bin; names, roles and tags have no place in them.
     """
+    from motion import files
+
     from . import interchange
     from .database import Database
 
+    for name in ("database.bin", "features.bin"):
+        files.check_output(Path(output, name), inputs=[db])
     for path in interchange.export_directory(Database.load(db), output):
         print(f"{path}: {path.stat().st_size / 1e6:.1f} MB")
 
 
 main.add_command(run)
 main.add_command(courses)
+main.add_command(settings)
 
 
 def _wrote(output: str, db: Database) -> str:
@@ -156,13 +176,12 @@ def _wrote(output: str, db: Database) -> str:
     )
 
 
-def _check_output(output: str) -> None:
-    """Say before the work, not after it, that the result has no place."""
-    from motion.errors import UserError
+def _check_output(output: str, schema: str, *inputs: str | Path | None) -> None:
+    """A UserError where the database cannot be written, or would be written over what it is made from."""
+    from features import presets
+    from motion import files
 
-    path = Path(output)
-    if path.is_dir():
-        raise UserError("cannot write: it is a folder", path=path, remedy="name a file to write")
+    files.check_output(output, inputs=[None if schema in presets.names() else schema, *inputs])
 
 
 def _note(line: str) -> None:

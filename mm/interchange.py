@@ -87,10 +87,13 @@ class _Cursor:
     """Takes arrays off the front of a file's bytes."""
 
     def __init__(self, path: PathLike) -> None:
+        files.check_input(path)
         try:
             self.data = np.fromfile(path, np.uint8)
         except OSError as error:
-            raise UserError(f"cannot read: {error.strerror}", path=path) from error
+            raise UserError(
+                f"cannot read: {error.strerror}", path=path, remedy="check its permissions"
+            ) from error
         self.at = 0
 
     def take(self, what: str, dimensions: int, elements: int = 1, dtype: str = "<f4") -> NDArray:
@@ -159,7 +162,7 @@ def _refuse(path: PathLike, what: str, why: object) -> UserError:
     return UserError(
         f"not the public reference's {what}, or cut short: {why}",
         path=path,
-        remedy="give a whole file as the reference writes it (REFERENCE 2.7)",
+        remedy="give a whole file as the reference writes it",
     )
 
 
@@ -244,9 +247,14 @@ def write_features(
 ) -> None:
     """Write ``features.bin``, atomically."""
     with files.atomic(path) as stream:
-        _put(stream, features, 2)
-        _put(stream, offset, 1)
-        _put(stream, scale, 1)
+        _put_features(stream, features, offset, scale)
+
+
+def _put_features(stream: IO[Any], features: NDArray, offset: NDArray, scale: NDArray) -> None:
+    _put(stream, features, 2)
+    _put(stream, offset, 1)
+    _put(stream, scale, 1)
+    stream.flush()
 
 
 def read_latent(path: PathLike) -> NDArray[np.float32]:
@@ -291,8 +299,10 @@ def import_directory(
     from . import parts
     from .database import Database
 
+    if not 1 <= fps <= 1000:
+        raise UserError(f"{fps:g} frames per second", remedy="give a rate between 1 and 1000")
     folder = Path(directory)
-    if not (folder / "database.bin").is_file():
+    if files.kind(folder / "database.bin") != "file":
         raise UserError(
             "no database.bin in this folder",
             path=folder,
@@ -305,7 +315,7 @@ def import_directory(
     parts.check_roles(schema, skeleton, folder / "database.bin")
     poses, contacts, contact_roles = _motion(raw, skeleton, fps)
 
-    if (folder / "features.bin").is_file():
+    if files.kind(folder / "features.bin"):
         features, offset, scale = read_features(folder / "features.bin")
         if features.shape != (len(poses), schema.size):
             raise UserError(
@@ -352,8 +362,9 @@ def export_directory(db: Database, directory: PathLike) -> list[Path]:
         angular_velocities=db.poses.angular_velocities,
         contacts=db.contacts,
     )
-    write_database(folder / "database.bin", raw)
-    write_features(folder / "features.bin", db.features, db.offset, db.scale)
+    with files.atomic(folder / "features.bin") as stream:
+        _put_features(stream, db.features, db.offset, db.scale)
+        write_database(folder / "database.bin", raw)  # where it fails the folder gets neither
     return [folder / "database.bin", folder / "features.bin"]
 
 
@@ -445,9 +456,5 @@ def _mirrors(raw: Raw, one: slice, other: slice) -> bool:
 
 def load_names(path: PathLike) -> list[str]:
     """Joint names of a text file, one a line; blank lines are skipped."""
-    try:
-        return [line.strip() for line in Path(path).read_text("utf-8").splitlines() if line.strip()]
-    except OSError as error:
-        raise UserError(f"cannot read: {error.strerror}", path=path) from error
-    except UnicodeDecodeError as error:
-        raise UserError("not a text file", path=path, remedy="write one joint name a line") from error
+    text = files.read_text(path, remedy="write one joint name a line")
+    return [line.strip() for line in text.splitlines() if line.strip()]

@@ -1,8 +1,7 @@
-"""``python -m mm run`` and ``courses``: drive a character over a course, and what courses there are."""
+"""``python -m mm run``, ``courses`` and ``settings``: drive characters, and what to drive them with."""
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -15,7 +14,6 @@ if TYPE_CHECKING:
     from .database import Database
     from .recording import Recording
 
-POSITIVE = click.FloatRange(min=0, min_open=True)
 # How many characters of a crowd are kept when no recording is asked for: enough for the summary.
 KEPT = 16
 
@@ -27,32 +25,40 @@ KEPT = 16
 )
 @click.option("-o", "--output", type=click.Path(), metavar="OUT.bvh", help="Motion to write, in metres.")
 @click.option("--record", "tape", type=click.Path(), metavar="FILE", help="Recording to write, of all of it.")
-@click.option("--count", type=click.IntRange(1), default=1, show_default=True, help="Characters.")
+@click.option("--count", type=console.COUNT, default=1, show_default=True, help="Characters.")
 @click.option("--character", type=click.IntRange(0), default=0, show_default=True, help="Which one to write.")
 @click.option("--spread", is_flag=True, help="Let the characters start at different places or times.")
-@click.option("--seconds", type=POSITIVE, help="Stop after this time.  [default: when the course is done]")
-@click.option("--walk", type=POSITIVE, help="The course's walking speed, m/s.  [default: the data's]")
-@click.option("--run", "running", type=POSITIVE, help="Its running speed, m/s.  [default: the data's]")
-@click.option("--size", type=POSITIVE, help="Factor on its lengths.  [default: the course's own]")
+@click.option(
+    "--seconds", type=console.SECONDS, help="Stop after this time.  [default: when the course is done]"
+)
+@click.option("--walk", type=console.SPEED, help="The course's walking speed, m/s.  [default: the data's]")
+@click.option("--run", "running", type=console.SPEED, help="Its running speed, m/s.  [default: the data's]")
+@click.option("--size", type=console.SIZE, help="Factor on its lengths.  [default: the course's own]")
 @click.option("--as-written", is_flag=True, help="Leave speeds and lengths as the course has them.")
 @click.option("--index", default="exact", show_default=True, help="Search index.")
 @click.option(
     "--settings", type=click.Path(), metavar="FILE", help="TOML file with the controller's settings."
 )
 @click.option("--no-foot-lock", is_flag=True, help="Do not hold the feet on the ground.")
+@click.option("--require-tag", multiple=True, metavar="NAME", help="Play frames with this tag.  [repeatable]")
+@click.option("--forbid-tag", multiple=True, metavar="NAME", help="Play none with this tag.  [repeatable]")
 @console.json_option
 def run(db: str, output: str | None, tape: str | None, character: int, as_json: bool, **options: Any) -> None:
     """Drive characters over a course by motion matching.
 
     DB is a database that `build` wrote. The course's speeds are scaled to those of the data.
+
+    \b
+    A course of one's own (`courses NAME -o FILE` writes a longer one to start from):
+      waypoints = [{ position = [0, 0], speed = 1.4 }, { position = [4, 6], speed = 3, gait = "run" }]
+      closed = true
+      laps = 2
     """
     from motion import bvh
 
     from .database import Database
 
-    for path in filter(None, (output, tape)):
-        if Path(path).is_dir():
-            raise UserError("cannot write: it is a folder", path=path, remedy="name a file to write")
+    _check_outputs((output, tape), (db, options["settings"]), options["course_name"])
     if character >= options["count"]:
         raise UserError(f"no character {character}", remedy=f"there are {options['count']}, counted from 0")
     keep = None if tape else max(character + 1, KEPT)
@@ -61,14 +67,27 @@ def run(db: str, output: str | None, tape: str | None, character: int, as_json: 
         bvh.write(output, recording.clip(character), decimals=5)
     if tape:
         recording.save(tape)
-    facts = {"database": db, **summarise(recording), "output": output, "recording": tape}
-    facts["characters"] = options["count"]
+    facts = {"database": db, **summarise(recording, options["count"]), "output": output, "recording": tape}
     if as_json:
         console.print_json(facts)
     else:
         console.print_table(
             [{"": name, "value": value} for name, value in facts.items() if value is not None]
         )
+
+
+def _check_outputs(
+    outputs: tuple[str | None, ...], inputs: tuple[str | None, ...], course: str | None
+) -> None:
+    """A UserError where an output cannot be written, or is an input or another output."""
+    from motion import files
+
+    from . import course as library
+
+    taken = [*inputs, None if course in library.names() else course]
+    for output in filter(None, outputs):
+        files.check_output(output, inputs=taken)
+        taken.append(output)
 
 
 def _drive(
@@ -81,6 +100,8 @@ def _drive(
     index: str,
     settings: str | None,
     no_foot_lock: bool,
+    require_tag: tuple[str, ...],
+    forbid_tag: tuple[str, ...],
     keep: int | None,
     **scaling: Any,
 ) -> Recording:
@@ -90,6 +111,7 @@ def _drive(
 
     from . import course as library
     from .controller import Controller
+    from .driver import Driver
     from .recording import record
     from .settings import Settings
 
@@ -97,8 +119,22 @@ def _drive(
     if no_foot_lock:
         chosen = replace(chosen, foot_lock=False)
     course = fitted(library.load(course_name), database, **scaling)
+    masks = _tag_masks(database, require_tag, forbid_tag)
     controller = Controller(database, count=count, settings=chosen, index=index, obstacles=course.obstacles())
-    return record(controller, course, seconds=seconds, spread=spread, characters=keep)
+    driver = Driver(
+        course, count, controller.fps, spread=spread, required_tags=masks[0], forbidden_tags=masks[1]
+    )
+    return record(controller, course, seconds=seconds, characters=keep, driver=driver)
+
+
+def _tag_masks(database: Database, required: tuple[str, ...], forbidden: tuple[str, ...]) -> tuple[int, int]:
+    """Bits of tags; a UserError where no frame can be played."""
+    masks = database.tag_mask(required), database.tag_mask(forbidden)
+    if not ((database.tags & masks[0] == masks[0]) & (database.tags & masks[1] == 0)).any():
+        wanted = [f"with {', '.join(required)}"] * bool(required)
+        wanted += [f"without {', '.join(forbidden)}"] * bool(forbidden)
+        raise UserError(f"no frame {' and '.join(wanted)}", remedy="require or forbid fewer tags")
+    return masks
 
 
 def fitted(
@@ -122,11 +158,12 @@ def fitted(
     return course.scaled(walk=walk, run=running, size=size)
 
 
-def summarise(recording: Recording) -> dict[str, Any]:
+def summarise(recording: Recording, characters: int | None = None) -> dict[str, Any]:
     """What a run was like, in numbers; None where a number does not apply.
 
     Path error: mean distance of the characters to the nearest point of the course's way. Times are of the
-    system's step with all characters, the first second left out.
+    system's step, first the median, by character (those of the recording, if it does not keep all of them say
+    how many there were); the first second is left out.
     """
     import numpy as np
 
@@ -137,15 +174,16 @@ def summarise(recording: Recording) -> dict[str, Any]:
     moved = np.linalg.norm(np.diff(positions, axis=0), axis=-1) * fps
     asked = np.linalg.norm(arrays["command_velocity"], axis=-1)
     warm = recording.step_seconds[min(round(fps), len(recording) - 1) :]
+    each = 1e6 * warm / (characters or recording.count)
     error = None
     if recording.path is not None:
         error = 100 * float(Polyline(recording.path).distance(positions.reshape(-1, 2)).mean())
     per_second = fps / recording.count / len(recording)
     facts: dict[str, Any] = {
         "system": recording.system,
-        "course": recording.course.name,
-        "description": recording.course.description,
-        "characters": recording.count,
+        "course": recording.course and recording.course.name,
+        "description": recording.course and recording.course.description,
+        "characters": characters or recording.count,
         "seconds": recording.seconds,
         "frames": len(recording),
         "speed_mps": float(moved.mean()) if len(moved) else None,
@@ -158,21 +196,25 @@ def summarise(recording: Recording) -> dict[str, Any]:
         if flag in arrays:
             facts[name] = float(arrays[flag].sum() * per_second)
     return facts | {
-        "us_per_frame": 1e6 * float(warm.mean()),
-        "us_per_frame_median": 1e6 * float(np.median(warm)),
-        "us_per_frame_p99": 1e6 * float(np.percentile(warm, 99)),
+        "us_per_character": float(np.median(each)),
+        "us_per_character_mean": float(each.mean()),
+        "us_per_character_p99": float(np.percentile(each, 99)),
     }
 
 
-@click.command(epilog="Example: python -m mm courses thesis --plot thesis.png")
+@click.command(
+    epilog="Examples: python -m mm courses thesis --plot thesis.png python -m mm courses thesis -o mine.toml"
+)
 @click.argument("name", required=False, metavar="[NAME|FILE]")
+@click.option("-o", "--output", type=click.Path(), metavar="FILE", help="Write the course as TOML, to edit.")
 @click.option("--plot", type=click.Path(), metavar="FILE.png", help="Draw the course.")
-@click.option("--walk", type=POSITIVE, help="Scale its walking speed to this, m/s.")
-@click.option("--run", "running", type=POSITIVE, help="Scale its running speed to this, m/s.")
-@click.option("--size", type=POSITIVE, help="Factor on its lengths.")
+@click.option("--walk", type=console.SPEED, help="Scale its walking speed to this, m/s.")
+@click.option("--run", "running", type=console.SPEED, help="Scale its running speed to this, m/s.")
+@click.option("--size", type=console.SIZE, help="Factor on its lengths.")
 @console.json_option
 def courses(
     name: str | None,
+    output: str | None,
     plot: str | None,
     walk: float | None,
     running: float | None,
@@ -180,23 +222,57 @@ def courses(
     as_json: bool,
 ) -> None:
     """List the ready-made courses, or describe and draw one."""
+    from dataclasses import replace
+
+    from motion import templates
+
     from . import course as library
     from .drawing import draw
 
-    if plot and not name:
+    if (plot or output) and not name:
         raise UserError(
-            "no course to draw", remedy=f"name one of {', '.join(library.names())}, or a TOML file"
+            f"no course to {'draw' if plot else 'write'}",
+            remedy=f"name one of {', '.join(library.names())}, or a TOML file",
         )
+    _check_outputs((output, plot), (), name)
     chosen = [library.load(n) for n in ([name] if name else library.names())]
     if walk or running or size:
         chosen = [course.scaled(walk=walk, run=running, size=size) for course in chosen]
     rows = [_describe(course) for course in chosen]
+    if plot:
+        draw(chosen[0], plot)
+    if output:  # a file's name is its course's
+        _write(output, templates.compact(replace(chosen[0], name="")))
     if as_json:
         console.print_json(rows if not name else {**rows[0], "course": chosen[0].to_dict()})
     else:
         console.print_table(rows)
-    if plot:
-        draw(chosen[0], plot)
+
+
+@click.command(epilog="Example: python -m mm settings -o mine.toml")
+@click.option("-o", "--output", type=click.Path(), metavar="FILE", help="Write them there.")
+def settings(output: str | None) -> None:
+    """The controller's settings as TOML: their defaults, and what they mean.
+
+    An edited copy goes to `run --settings`; it need not name all of them.
+    """
+    from motion import templates
+
+    from .settings import Settings
+
+    text = templates.explained(Settings())
+    if output is None:
+        click.echo(text, nl=False)
+    else:
+        _check_outputs((output,), (), None)
+        _write(output, text)
+
+
+def _write(path: str, text: str) -> None:
+    from motion import files
+
+    with files.atomic(path, "w") as stream:
+        stream.write(text)
 
 
 def _describe(course: Course) -> dict[str, Any]:

@@ -49,8 +49,8 @@ SOURCE_UNIT = click.option(
     "--source-unit", type=Length(), metavar="UNIT", help="Unit of the files' lengths.  [default: guessed]"
 )
 AXIS = click.Choice(["x", "y", "z", "-x", "-y", "-z"])
+TIME = console.Number(0, 1e5)
 HAND = click.Choice(["right", "left"])
-RATE = click.FloatRange(0, 10_000, min_open=True)
 FORWARD = "[default: z, or -y where z is up]"
 
 
@@ -69,7 +69,7 @@ def source_axes(command: Callable) -> Callable:
 
 @main.command(epilog="Example: python -m motion info clips/walk.bvh clips/cmu --json")
 @click.argument("files", nargs=-1, required=True, type=click.Path())
-@click.option("--fps", type=RATE, help="The files' rate, where they state a wrong one.")
+@click.option("--fps", type=console.RATE, help="The files' rate, where they state a wrong one.")
 @SOURCE_UNIT
 @source_axes
 @ROLES
@@ -172,9 +172,9 @@ class Changes:
 @click.argument("source", metavar="IN", type=click.Path())
 @click.argument("target", metavar="[OUT]", required=False, type=click.Path())
 @click.option("-o", "--output", type=click.Path(), metavar="OUT", help="The same as the argument OUT.")
-@click.option("--fps", type=RATE, help="Frames a second to resample to.  [default: as they are]")
-@click.option("--start", type=click.FloatRange(0), metavar="SECONDS", help="Leave out what comes before.")
-@click.option("--stop", type=click.FloatRange(0), metavar="SECONDS", help="Leave out what comes after.")
+@click.option("--fps", type=console.RATE, help="Frames a second to resample to.  [default: as they are]")
+@click.option("--start", type=TIME, metavar="SECONDS", help="Leave out what comes before.")
+@click.option("--stop", type=TIME, metavar="SECONDS", help="Leave out what comes after.")
 @click.option("--keep-lead-in", is_flag=True, help="Keep a rest pose that stands before the capture.")
 @click.option("--mirror", is_flag=True, help="Exchange left and right.")
 @click.option("--ground", is_flag=True, help="Add a root joint that travels on the ground and faces forward.")
@@ -184,7 +184,7 @@ class Changes:
 @click.option("--up", type=AXIS, default="y", show_default=True, help="Axis that points up.")
 @click.option("--forward", type=AXIS, help=f"Axis that characters face.  {FORWARD}")
 @click.option("--handedness", type=HAND, default="right", show_default=True, help="Handedness of the axes.")
-@click.option("--source-fps", type=RATE, help="The files' rate, where they state a wrong one.")
+@click.option("--source-fps", type=console.RATE, help="The files' rate, where they state a wrong one.")
 @SOURCE_UNIT
 @source_axes
 @ROLES
@@ -220,7 +220,7 @@ def convert(
     if (target is None) == (output is None):
         raise click.UsageError("give one place to write to, as OUT or with -o")
     target = str(target or output)
-    pairs = _targets(Path(source), Path(target))
+    pairs = _targets(Path(source), Path(target), others=(roles, fit))
     changes = Changes(
         source_axes=_system(source_up, source_forward, source_handedness),
         keep_lead_in=keep_lead_in,
@@ -270,30 +270,32 @@ def _short_paths(rows: list[dict[str, Any]]) -> tuple[list[dict[str, Any]], str 
     return [{**row, "file": os.path.relpath(row["file"], folder)} for row in rows], f"in {folder}"
 
 
-def _targets(source: Path, target: Path) -> dict[Path, Path]:
-    """For each file of source the BVH file to write; refuses to write over a source or two files into one."""
-    from . import sources
+def _targets(source: Path, target: Path, *, others: tuple[str | None, ...] = ()) -> dict[Path, Path]:
+    """For each file of source the BVH file to write; refuses to write over an input or two files into one."""
+    from . import files, sources
 
-    files = sources.find([source])
-    single = source.is_file() and target.suffix and not target.is_dir()
+    found = sources.find([source])
+    whole, there = files.kind(source) == "folder", files.kind(target)
+    single = not whole and target.suffix and there != "folder"
     if single and target.suffix.lower() != ".bvh":
         raise UserError(
             f"cannot write {target.suffix} files", path=target, remedy="name a .bvh file or a folder"
         )
-    if source.is_dir() and (target.is_file() or target.suffix.lower() == ".bvh"):
+    if whole and (there == "file" or target.suffix.lower() == ".bvh"):
         raise UserError("not a folder", path=target, remedy=f"{source} is a folder, so name one to write to")
-    above = source if source.is_dir() else source.parent
-    pairs = {f: target if single else target / f.relative_to(above).with_suffix(".bvh") for f in files}
+    above = source if whole else source.parent
+    pairs = {f: target if single else target / f.relative_to(above).with_suffix(".bvh") for f in found}
     taken: dict[Path, Path] = {}
-    inputs = {f.resolve() for f in files}
+    inputs = set(map(os.path.realpath, found))
     for file, out in pairs.items():
-        if out.resolve() in inputs:
+        if os.path.realpath(out) in inputs:
             raise UserError("would write over its source", path=file, remedy="name another place to write to")
         if out in taken:
             raise UserError(
                 f"would be written to {out}, as would {taken[out]}", path=file, remedy="convert them apart"
             )
         taken[out] = file
+        files.check_output(out, inputs=others)
     return pairs
 
 

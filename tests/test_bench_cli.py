@@ -107,7 +107,7 @@ BAD = {
     "no such database": (("search", "{no}"), "nothing-here"),
     "a folder as database": (("crowd", "{folder}"), "expected a database"),
     "not a database": (("search", "{text}"), "not a motion database"),
-    "no seconds": (("compare", "{db}", "--seconds", "0"), "0.0 seconds; give a number above 0"),
+    "no seconds": (("compare", "{db}", "--seconds", "0"), "give a number above 0"),
     "counts": (("crowd", "{db}", "--counts", "1,x"), "'1,x' is not a list of numbers"),
     "no characters": (("crowd", "{db}", "--counts", "0"), "give numbers of at least 1"),
     "nothing listed": (("compare", "{db}", "--courses", ","), "an empty list"),

@@ -144,7 +144,7 @@ def test_bad_input_is_one_line(db: Path, walker_files: Path, tmp_path: Path) -> 
     assert "cannot write" in _fails("build", walker_files / "run.bvh", "-o", "/dev/null")
     assert "Missing option" in _fails("build", walker_files)
     assert "No such option" in _fails("build", walker_files, "-o", out, "--mirrored")
-    assert "between 1 and 1000" in _fails("build", walker_files, "-o", out, "--fps", "nan")
+    assert "give a number 1 to 1,000" in _fails("build", walker_files, "-o", out, "--fps", "nan")
     assert "no database.bin" in _fails("import", tmp_path, "-o", out)
     assert "cannot read" in _fails("info", tmp_path / "absent")
     assert "cannot read" in _fails("build", walker_files, "-o", out, "--tags", tmp_path / "absent.toml")
@@ -250,3 +250,42 @@ def test_real_mixed_skeletons(data: Path, tmp_path: Path) -> None:
     assert "4 clips with 43 joints" in line and "1 clip with 21 joints" in line and "--roles-only" in line
     assert _mm("build", *sources, "-o", tmp_path / "db", "--roles-only").exit_code == 0
     assert np.isfinite(Database.load(tmp_path / "db").features).all()
+
+
+def test_an_output_that_is_an_input_is_refused_and_kept(db: Path, walker_files: Path, tmp_path: Path) -> None:
+    clip, roles, course = tmp_path / "clip.bvh", tmp_path / "roles.toml", tmp_path / "way.toml"
+    clip.write_bytes((walker_files / "run.bvh").read_bytes())
+    roles.write_text("[roles]\n")
+    course.write_text("seconds = 1\n[[stick]]\ntime = 0\n")
+    copy = tmp_path / "copy.mmdb"
+    copy.write_bytes(db.read_bytes())
+    kept = {path: path.read_bytes() for path in (clip, roles, course, copy)}
+    for command in (
+        ("build", clip, "-o", clip),
+        ("build", tmp_path, "-o", clip, "--exclude", "clip"),
+        ("build", walker_files, "-o", roles, "--roles", roles),
+        ("build", walker_files, "-o", roles, "--tags", roles),
+        ("build", walker_files, "-o", clip, "--skeleton", clip),
+        ("build", walker_files, "-o", roles, "--schema", roles),
+        ("run", copy, "--course", "circle", "-o", copy),
+        ("run", copy, "--course", "circle", "--record", copy),
+        ("run", copy, "--course", course, "-o", course),
+        ("run", copy, "--course", "circle", "--record", tmp_path / "x", "-o", tmp_path / "x"),
+        ("courses", course, "--plot", course),
+    ):
+        assert "would be written over" in _fails(*command), command
+    assert {path: path.read_bytes() for path in kept} == kept
+    (tmp_path / "database.bin").write_bytes(b"kept")
+    assert "would be written over" in _fails("import", tmp_path, "-o", tmp_path / "database.bin")
+
+
+@pytest.mark.parametrize("value", ["nan", "inf", "0", "-1", "1e9"])
+def test_numbers_that_make_no_sense_are_refused(db: Path, walker_files: Path, value: str) -> None:
+    for command in (
+        ("build", walker_files, "-o", "never", "--source-fps", value),
+        ("import", walker_files, "-o", "never", "--fps", value),
+        ("run", db, "--course", "circle", "--seconds", value),
+        ("run", db, "--course", "circle", "--walk", value),
+        ("run", db, "--course", "circle", "--size", value),
+    ):
+        assert "out of range" in _fails(*command)
