@@ -49,10 +49,10 @@ def run(db: str, output: str | None, tape: str | None, character: int, as_json: 
     DB is a database that `build` wrote. The course's speeds are scaled to those of the data.
 
     \b
-    A course of one's own (`courses NAME -o FILE` writes a longer one to start from):
-      waypoints = [{ position = [0, 0], speed = 1.4 }, { position = [4, 6], speed = 3, gait = "run" }]
+    A course file (`courses NAME -o FILE` writes a ready-made one to edit):
       closed = true
-      laps = 2
+      waypoints = [{ position = [0, 0], speed = 1.4 },
+                   { position = [4, 6], speed = 3.0, gait = "run" }]
     """
     from motion import bvh
 

@@ -77,9 +77,9 @@ def find(
     """
     if isinstance(sources, (str, os.PathLike)):
         sources = [sources]
-    sources = list(map(Path, sources))
+    roots = list(map(Path, sources))
     found: dict[str, Path] = {}
-    for source in sources:
+    for source in roots:
         what = kind(source)
         if what == "folder":
             files = [
@@ -103,7 +103,7 @@ def find(
             found.setdefault(os.path.realpath(file), file)
     if not found:
         raise UserError("no sources given", remedy="name motion files or folders")
-    return _without(sorted(found.values()), sources, exclude)
+    return _without(sorted(found.values()), roots, exclude)
 
 
 def _without(files: list[Path], sources: list[Path], patterns: Sequence[str]) -> list[Path]:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
-from mm import summary
+from mm import summary, tags
 from mm.cli import main
 from mm.database import KIND, VERSION, Database
 from motion import files, sources
@@ -74,6 +74,16 @@ def test_build_leaves_out_what_is_excluded(walker_files: Path, tmp_path: Path) -
     result = _mm(*arguments, "run")
     assert result.exit_code == 0 and "note: 3 of 5 clips are left out" in result.stderr
     assert set(Database.load(tmp_path / "db").names) == {"stand", "straight"}
+
+
+def test_the_tags_in_the_help_are_a_tags_file(tmp_path: Path) -> None:
+    lines = [line.strip() for line in _mm("build", "--help").stdout.splitlines()]
+    start = lines.index("tag,clips,start,stop")
+    (tmp_path / "tags.csv").write_text("\n".join(lines[start : start + 3]))
+    assert tags.load(tmp_path / "tags.csv") == (
+        tags.Rule("run", "run*"),
+        tags.Rule("turn", "walk_07", 120, 240),
+    )
 
 
 def test_info(db: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,9 +14,11 @@ from mm.cli import main
 from mm.course import load, names
 from mm.database import Database
 from mm.recording import Recording
-from mm.run import fitted
-from motion import bvh
+from mm.run import fitted, summarise
+from mm.settings import Settings
+from motion import bvh, config
 from motion.errors import UserError
+from motion.skeleton import Skeleton
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +63,7 @@ def test_a_run_is_the_same_every_time(db, tmp_path):
 def test_the_table_names_what_was_written(db, tmp_path):
     out = tmp_path / "out.bvh"
     text = mm("run", db, "--course", "still", "--seconds", 1, "-o", out).stdout
-    assert "out.bvh" in text and "us_per_frame" in text and "path_error" not in text
+    assert "out.bvh" in text and "us_per_character" in text and "path_error" not in text
 
 
 def test_options_reach_the_controller(db, tmp_path):
@@ -83,6 +86,65 @@ def test_options_reach_the_controller(db, tmp_path):
 def test_a_crowd_without_a_recording_keeps_a_few(db):
     facts = json.loads(mm("run", db, "--course", "still", "--seconds", 0.2, "--count", 40, "--json").stdout)
     assert facts["characters"] == 40
+
+
+def test_times_are_per_character_without_the_first_second():
+    recording = Recording(
+        system="point",
+        skeleton=Skeleton(("root",), np.array([-1]), np.zeros((1, 3)), {"root": 0}),
+        fps=2.0,
+        arrays={
+            "positions": np.zeros((5, 2, 1, 3), np.float32),
+            "rotations": np.tile(np.float32([1, 0, 0, 0]), (5, 2, 1, 1)),
+            "command_velocity": np.zeros((5, 2, 2), np.float32),
+        },
+        step_seconds=np.array([9.0, 9.0, 2e-6, 4e-6, 18e-6]),
+    )
+    facts = summarise(recording)
+    assert next(name for name in facts if name.startswith("us_")) == "us_per_character"
+    assert facts["us_per_character"] == pytest.approx(2) and facts["us_per_character_mean"] == pytest.approx(
+        4
+    )
+    assert facts["course"] is None and facts["characters"] == 2
+    # A recording of the first two of eight.
+    assert summarise(recording, 8)["us_per_character"] == pytest.approx(0.5)
+    assert summarise(recording, 8)["characters"] == 8
+
+
+@pytest.fixture(scope="module")
+def tagged(walker_files, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("tagged")
+    (folder / "tags.csv").write_text("tag,clips\nrunning,run\nturn,*_turn\nmoving,run\nmoving,*t*\n")
+    build([walker_files], jobs=1, tags=folder / "tags.csv").save(folder / "walker.mmdb")
+    return folder / "walker.mmdb"
+
+
+def test_only_frames_with_the_tags_asked_for_play(tagged, tmp_path):
+    tape, database = tmp_path / "run.rec", Database.load(tagged)
+    course = ("--course", "circle", "--seconds", 4, "--record", tape)
+
+    def played():
+        frames = Recording.load(tape)["frame"]
+        return database.tags[frames[60:]]  # the first search may come after a moment
+
+    mm("run", tagged, *course)
+    turn, running = database.tag_mask(["turn"]), database.tag_mask(["running"])
+    assert (played() & turn).any()  # which is what it would like best
+    mm("run", tagged, *course, "--forbid-tag", "turn", "--forbid-tag", "running")
+    assert not (played() & (turn | running)).any()
+    mm("run", tagged, *course, "--require-tag", "moving", "--require-tag", "running")
+    assert (played() & running).all()
+
+
+@pytest.mark.parametrize(
+    "options, message",
+    [
+        (("--require-tag", "flying"), "no tag 'flying'; the database's tags are running, turn, moving"),
+        (("--require-tag", "running", "--forbid-tag", "moving"), "no frame with running and without moving"),
+    ],
+)
+def test_tags_that_no_frame_has(tagged, options, message):
+    assert message in mm("run", tagged, "--course", "circle", *options, code=2).stderr
 
 
 def test_courses_are_fitted_to_the_data_unless_as_written(db):
@@ -134,6 +196,29 @@ def test_a_course_is_described_and_drawn(tmp_path):
     assert facts["metres"] == pytest.approx(141.8, abs=0.1)
     assert facts["course"]["waypoints"][2]["speed"] == pytest.approx(3.5)
     assert picture.read_bytes().startswith(b"\x89PNG") and picture.stat().st_size > 10_000
+
+
+def test_a_course_is_written_to_start_from(tmp_path):
+    mine = tmp_path / "mine.toml"
+    mm("courses", "thesis", "--walk", 1.4, "--run", 3.5, "-o", mine)
+    written = load(mine)
+    assert replace(written, name="thesis") == load("thesis").scaled(walk=1.4, run=3.5)
+    assert written.name == "mine"
+    assert "no course to write" in mm("courses", "-o", mine, code=2).stderr
+
+
+def test_the_course_in_the_help_is_one(tmp_path):
+    lines = mm("run", "--help").stdout.splitlines()
+    start = next(i for i, line in enumerate(lines) if "A course file" in line)
+    (tmp_path / "help.toml").write_text("\n".join(lines[start + 1 : start + 4]))
+    assert [w.gait for w in load(tmp_path / "help.toml").waypoints] == ["walk", "run"]
+
+
+def test_settings_are_printed_and_written(tmp_path):
+    mine = tmp_path / "mine.toml"
+    mm("settings", "-o", mine)
+    assert config.load(Settings, mine) == Settings()
+    assert mm("settings").stdout == mine.read_text()
 
 
 def test_drawing_needs_a_course(tmp_path):
