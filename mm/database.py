@@ -16,7 +16,7 @@ from motion.skeleton import Skeleton
 KIND, VERSION = "motion database", 1
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class Database:
     """T frames in R ranges (clips, mirrored copies included), at one frame rate, on one skeleton.
 
@@ -54,6 +54,10 @@ class Database:
     tags: NDArray[np.uint32]
     tag_names: tuple[str, ...] = ()
     fingerprint: str = field(default="")
+
+    def __repr__(self) -> str:
+        size = f"{len(self)} frames in {len(self.starts)} ranges at {self.fps:g} fps"
+        return f"Database({size}, {len(self.skeleton)} joints, schema {self.schema.name!r})"
 
     def __len__(self) -> int:
         return len(self.features)

@@ -24,7 +24,7 @@ from .driver import Driver
 KIND, VERSION = "recording", 1
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class Recording:
     """T frames of N characters of one system on one course.
 
@@ -69,6 +69,10 @@ class Recording:
     step_seconds: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     stages: tuple[str, ...] = ()
     stage_seconds: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
+
+    def __repr__(self) -> str:
+        size = f"{len(self)} frames at {self.fps:g} fps, {self.count} x {len(self.skeleton)} joints"
+        return f"Recording({self.system!r}, {size}, course {self.course and self.course.name!r})"
 
     def __len__(self) -> int:
         return len(self.arrays["positions"])

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from .skeleton import Skeleton
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Clip:
     """Local joint transforms over time, in metres, right-handed, Y up.
 
@@ -51,6 +51,9 @@ class Clip:
             )
         if not self.fps > 0:
             raise ValueError(f"clip {self.name!r}: frame rate {self.fps}, expected a positive number")
+
+    def __repr__(self) -> str:
+        return f"Clip({self.name!r}, {len(self)} frames at {self.fps:g} fps, {len(self.skeleton)} joints)"
 
     def __len__(self) -> int:
         return len(self.positions)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from .errors import UserError
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Skeleton:
     """A tree of joints, parents before children.
 
@@ -44,6 +44,9 @@ class Skeleton:
             )
         if count == 0 or parents[0] != -1 or np.any(parents[1:] < 0) or np.any(parents >= np.arange(count)):
             raise ValueError("a skeleton needs one root, joint 0, and parents before children")
+
+    def __repr__(self) -> str:
+        return f"Skeleton({len(self)} joints under {self.names[0]!r}, {len(self.roles)} roles)"
 
     def __len__(self) -> int:
         return len(self.names)
