@@ -173,16 +173,21 @@ class Controller:
 
     def step(self, command: Command) -> Poses:
         """Advance one frame, 1 / fps. Returns the poses [N] shown, valid until the next step."""
-        if len(command) != self.count:
-            raise ValueError(f"{len(command)} commands for {self.count} characters")
+        if command.velocity.shape != (self.count, 2) or command.yaw.shape != (self.count,):
+            raise UserError(
+                f"commands with velocity {command.velocity.shape} and yaw {command.yaw.shape}",
+                remedy=f"give {self.count} characters ({self.count}, 2) and ({self.count},)",
+            )
         characters, settings, shown = self.characters, self._settings, self._shown
         self._lap_start = time.perf_counter()
         ended = self.state.ended()
-        self._kernels.control(
+        wrong = self._kernels.control(
             characters, command.velocity, command.yaw, command.turn_rate, command.required_tags,
             command.forbidden_tags, ended, settings, self._obstacles,
             self._future_times, self._future_slots, self._trajectory,
         )  # fmt: skip
+        if wrong >= 0:
+            raise UserError(f"the command of character {wrong} is not finite", remedy="give it numbers")
         self._fill_past()
         self._lap("prediction")
         self._search(command, ended)

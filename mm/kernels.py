@@ -72,10 +72,13 @@ def control(characters, velocity, yaw, turn_rate, required_tags, forbidden_tags,
 
     velocity [N, 2], yaw, turn_rate, tags [N]: see `mm.control.Command`; ended [N], whose data ends here;
     times [F] ascending seconds and their slots [F] in trajectory [N, K, 3] (x, z, yaw in the world), which
-    is written.
+    is written. Returns the first character whose command is not finite, before which nothing was done; or -1.
     """
     s = settings[0]
     dt = s.dt
+    for i in range(len(characters)):
+        if not math.isfinite(velocity[i, 0] + velocity[i, 1] + yaw[i] + turn_rate[i]):
+            return i
     for i in range(len(characters)):
         c = characters[i]
         dx, dz = velocity[i, 0] - c.desired_velocity[0], velocity[i, 1] - c.desired_velocity[1]
@@ -114,6 +117,7 @@ def control(characters, velocity, yaw, turn_rate, required_tags, forbidden_tags,
             trajectory[i, slots[k], 0] = x
             trajectory[i, slots[k], 1] = z
             trajectory[i, slots[k], 2] = angle
+    return -1
 
 
 @_jit

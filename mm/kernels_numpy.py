@@ -42,6 +42,9 @@ def _chase(x, v, a, yaw, yaw_rate, desired, desired_yaw, s, dt):
 def control(characters, velocity, yaw, turn_rate, required_tags, forbidden_tags, ended, settings, obstacles,
             times, slots, trajectory):  # fmt: skip
     """See `mm.kernels.control`."""
+    finite = np.isfinite(velocity.sum(axis=-1) + yaw + turn_rate)
+    if not finite.all():
+        return int(np.argmin(finite))
     s, c = settings[0], characters
     dt, limit = s["dt"], s["forced_search_change"]
     retagged = (c["required_tags"] != required_tags) | (c["forbidden_tags"] != forbidden_tags)
@@ -68,6 +71,7 @@ def control(characters, velocity, yaw, turn_rate, required_tags, forbidden_tags,
         x = push_out(x, obstacles, s["body_radius"])
         before = time
         trajectory[:, slot, :2], trajectory[:, slot, 2] = x, angle
+    return -1
 
 
 def build_queries(

@@ -286,3 +286,16 @@ def test_foot_locking_without_legs_is_refused_with_the_remedy(database):
 def test_no_characters_are_refused(database):
     with pytest.raises(UserError, match="0 characters"):
         Controller(database, count=0)
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_a_broken_command_names_its_character_and_moves_nobody(database, compiled):
+    controller = Controller(database, count=3, compiled=compiled)
+    before = controller.characters.copy()
+    command = Command.still(3)
+    command.yaw[1] = np.nan
+    with pytest.raises(UserError, match="character 1 is not finite"):
+        controller.step(command)
+    np.testing.assert_array_equal(controller.characters, before)
+    with pytest.raises(UserError, match=r"velocity \(2, 2\)"):
+        controller.step(Command.still(2))
