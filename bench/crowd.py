@@ -18,7 +18,7 @@ from motion.errors import UserError
 from . import timing
 from .driving import Clock, at_data_speeds, drive
 
-NEVER = 1e9  # seconds between searches, metres a second per second: none but at a clip's end
+NEVER = 1e6  # seconds between searches, metres a second per second: none but at a clip's end
 
 
 def measure(

@@ -267,7 +267,7 @@ class Schema:
         if str(name_or_path) in presets.names():
             return presets.get(str(name_or_path))
         path = Path(name_or_path)
-        if not path.suffix and not path.exists():
+        if not path.suffix and files.kind(path) is None:
             remedy = f"{choices(presets.names())}, or give a TOML file"
             raise UserError(f"no schema {str(name_or_path)!r}", remedy=remedy)
         return config.load(Schema, path)

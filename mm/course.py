@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from motion import config
+from motion import config, files
 from motion.config import ConfigError
 from motion.errors import UserError
 
@@ -375,7 +375,7 @@ def load(name_or_path: str | os.PathLike[str]) -> Course:
     if text in names():
         with resources.as_file(_folder() / f"{text}.toml") as path:
             return _named(config.load(Course, path), text)
-    if not text.endswith(".toml") and not Path(text).exists():
+    if not text.endswith(".toml") and files.kind(text) is None:
         raise UserError(f"no course {text!r}", remedy=f"give a TOML file or choose from {', '.join(names())}")
     return _named(config.load(Course, text), Path(text).stem)
 

@@ -12,7 +12,7 @@ from features.schema import Schema
 from motion import contacts
 from motion.errors import UserError
 from motion.pose import Poses
-from motion.skeleton import Skeleton
+from motion.skeleton import Skeleton, listed
 
 
 def compute_features(
@@ -44,7 +44,7 @@ def check_roles(schema: Schema, skeleton: Skeleton, path: str | os.PathLike[str]
             continue
         raise UserError(
             f"feature {feature.name!r} of schema {schema.name!r} needs the role {feature.role!r}, "
-            f"which no joint plays (joints: {', '.join(skeleton.names)})",
+            f"which no joint plays (joints: {listed(skeleton.names)})",
             path=path,
             remedy=f'name the joint in a file for --roles: [roles] {feature.role} = "..."',
         )

@@ -7,8 +7,9 @@ from typing import Literal
 
 import numpy as np
 
-from motion.errors import UserError
+from motion.config import ConfigError, choices, shown
 
+MOST = 1e6  # seconds, metres or radians: what is far more than needed, but still fits counts of frames
 Synchronization = Literal["adjust", "clamp", "adjust+clamp", "data", "none"]
 
 
@@ -64,16 +65,15 @@ class Settings:
         for field in fields(self):
             value = getattr(self, field.name)
             number = isinstance(value, (int, float)) and not isinstance(value, bool)
-            if number and not (np.isfinite(value) and value >= 0):
-                raise UserError(f"setting {field.name} = {value}", remedy="give a number of at least 0")
+            if number and not 0 <= value <= MOST:
+                remedy = f"give a number from 0 to {MOST:,.0f}"
+                raise ConfigError(field.name, f"{shown(value)} is out of range", remedy=remedy)
         if self.continuing_bias >= 1:
-            raise UserError(
-                f"setting continuing_bias = {self.continuing_bias}", remedy="give a share below 1"
-            )
-        if self.synchronization not in Synchronization.__args__:  # type: ignore[attr-defined]
-            choices = ", ".join(Synchronization.__args__)  # type: ignore[attr-defined]
-            raise UserError(
-                f"setting synchronization = {self.synchronization!r}", remedy=f"choose from {choices}"
+            raise ConfigError("continuing_bias", f"{self.continuing_bias}", remedy="give a share below 1")
+        known = Synchronization.__args__  # type: ignore[attr-defined]
+        if self.synchronization not in known:
+            raise ConfigError(
+                "synchronization", f"{self.synchronization!r} is no choice", remedy=choices(known)
             )
 
 

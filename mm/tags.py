@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from motion import config
+from motion import config, files
 from motion.errors import UserError
 
 LIMIT = 32  # bits of a mask
@@ -65,20 +65,26 @@ def names(rules: Sequence[Rule]) -> tuple[str, ...]:
 
 
 def _load_csv(path: Path) -> tuple[Rule, ...]:
+    text = files.read_text(path, remedy=f"write {_EXAMPLE}")
+    reader = csv.DictReader(text.splitlines(), skipinitialspace=True, strict=True)
     try:
-        text = path.read_text("utf-8-sig")
-    except OSError as error:
-        raise UserError(f"cannot read: {error.strerror}", path=path) from error
-    except UnicodeDecodeError as error:
-        raise UserError("not a text file", path=path, remedy=_EXAMPLE) from error
-    reader = csv.DictReader(text.splitlines(), skipinitialspace=True)
+        return _rules(reader, path)
+    except csv.Error as error:
+        what = f"not CSV: {error}"
+        raise UserError(what, path=path, line=reader.line_num or None, remedy=f"write {_EXAMPLE}") from error
+
+
+def _rules(reader: csv.DictReader, path: Path) -> tuple[Rule, ...]:
     header = [key.strip() for key in reader.fieldnames or ()]
-    if not {"tag", "clips"} <= set(header) or set(header) - {"tag", "clips", "start", "stop"}:
+    known = {"tag", "clips"} <= set(header) <= {"tag", "clips", "start", "stop"}
+    if not known or len(set(header)) < len(header):
         raise UserError(f"header {','.join(header)!r}", path=path, line=1, remedy=f"write {_EXAMPLE}")
     reader.fieldnames = header
     rules = []
     for row in reader:
         try:
+            if None in row:
+                raise ValueError(f"more than {len(header)} columns")
             start, stop = (row.get("start") or "").strip(), (row.get("stop") or "").strip()
             rules.append(
                 Rule(

@@ -29,7 +29,7 @@ FPS = 120.0  # of the CMU library; an AMC file does not say
 INCH = 0.0254
 ROOT = "hips"  # a file's own name for it, root, would be taken for the ground root
 
-MOST_BONES = 10_000
+MOST_BONES = 1_000
 _DOF = ("tx", "ty", "tz", "rx", "ry", "rz")
 
 
@@ -64,7 +64,7 @@ def read_asf(path: str | os.PathLike[str]) -> Asf:
     section, bone, names, line = "", None, {"root": root}, 0
 
     def fault(what: str, remedy: str = text.WHOLE_COPY) -> UserError:
-        return UserError(what, path=path, line=line, remedy=remedy)
+        return UserError(what, path=path, line=line or None, remedy=remedy)
 
     def numbers(words: list[str], count: int) -> tuple[float, ...]:
         try:
@@ -381,7 +381,7 @@ def _read_amc(path: Path, bones: list[_Bone]) -> tuple[NDArray[np.float64], bool
     view = memoryview(data)
 
     def fault(what: str, line: int, remedy: str = text.WHOLE_COPY) -> UserError:
-        return UserError(what, path=path, line=line, remedy=remedy)
+        return UserError(what, path=path, line=line or None, remedy=remedy)
 
     while True:
         status = _scan_frames(array, joined, ends, firsts, out, doubts, state)

@@ -21,7 +21,7 @@ from .clip import Clip
 from .errors import UserError
 from .skeleton import Skeleton, sort_topologically
 
-MOST_JOINTS, MOST_DEPTH = 10_000, 1_000
+MOST_JOINTS, MOST_DEPTH = 1_000, 1_000
 CHANNELS = tuple(f"{axis}{kind}" for kind in ("position", "rotation") for axis in "XYZ")
 _CANONICAL = {name.lower(): name for name in CHANNELS}
 
@@ -387,14 +387,18 @@ def _distinct(names: tuple[str, ...]) -> tuple[str, ...]:
     if len(set(names)) == len(names):
         return names
     taken, out = set(names), []
-    for i, name in enumerate(names):
-        number = 2
-        if name in names[:i]:
-            while f"{name} {number}" in taken:
+    seen: dict[str, int] = {}
+    for name in names:
+        found = name
+        if name in seen:
+            number = seen[name] + 1
+            while (found := f"{name} {number}") in taken:
                 number += 1
-            name = f"{name} {number}"
-            taken.add(name)
-        out.append(name)
+            seen[name] = number
+            taken.add(found)
+        else:
+            seen[name] = 1
+        out.append(found)
     return tuple(out)
 
 

@@ -11,6 +11,7 @@ import dataclasses
 import math
 import os
 import re
+import sys
 import tomllib
 import types
 import typing
@@ -21,7 +22,7 @@ from typing import Any, Literal, TypeVar, Union
 import tomli_w
 
 from .errors import UserError
-from .files import atomic
+from .files import atomic, read_text
 
 T = TypeVar("T")
 Key = tuple[str | int, ...]
@@ -80,11 +81,7 @@ def to_dict(obj: Any) -> dict[str, Any]:
 
 def load(cls: type[T], path: str | os.PathLike[str]) -> T:
     """A dataclass from a TOML file; faults are UserErrors with file and, where it can be told, line."""
-    text = read_text(path)
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise _toml_error(error, path) from error
+    data, text = read_toml(path)
     try:
         return from_dict(cls, data)
     except ConfigError as error:
@@ -106,14 +103,17 @@ def dump(obj: Any, path: str | os.PathLike[str]) -> None:
         stream.write(dumps(obj))
 
 
-def read_text(path: str | os.PathLike[str]) -> str:
-    """Text of a UTF-8 file; a missing or binary one is a UserError."""
+def read_toml(path: str | os.PathLike[str]) -> tuple[dict[str, Any], str]:
+    """Data and text of a TOML file; one that is missing, binary or no TOML is a UserError."""
+    text = read_text(path, remedy="give a TOML file in UTF-8")
     try:
-        return Path(path).read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise UserError(f"cannot read: {error.strerror}", path=path) from error
-    except UnicodeDecodeError as error:
-        raise UserError("not a text file", path=path, remedy="give a TOML file in UTF-8") from error
+        return tomllib.loads(text), text
+    except tomllib.TOMLDecodeError as error:
+        raise _toml_error(error, path) from error
+    except RecursionError as error:
+        raise UserError("not valid TOML: nested too deeply", path=path, remedy="give a flat file") from error
+    except ValueError as error:  # a whole number of thousands of digits
+        raise UserError(f"not valid TOML: {error}", path=path, remedy="give smaller numbers") from error
 
 
 def validate(obj: Any) -> None:
@@ -147,7 +147,7 @@ def _convert(kind: Any, value: Any, key: Key) -> Any:
         return value
     if origin is Literal:
         if value not in args:
-            raise ConfigError(key, f"{value!r} is no choice", remedy=choices(map(str, args)))
+            raise ConfigError(key, f"{shown(value)} is no choice", remedy=choices(map(str, args)))
         return value
     if origin in (Union, types.UnionType):
         return _convert_union(args, value, key)
@@ -192,10 +192,11 @@ def _convert_sequence(origin: type, args: tuple, value: Any, key: Key) -> Any:
 
 def _convert_scalar(kind: Any, value: Any, key: Key) -> Any:
     if kind is float:
-        if isinstance(value, (int, float)) and not isinstance(value, bool) and not math.isnan(value):
+        whole = isinstance(value, int) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
+        if whole or (isinstance(value, float) and not math.isnan(value)):
             return float(value)
     elif kind is int:
-        if isinstance(value, int) and not isinstance(value, bool):
+        if isinstance(value, int) and not isinstance(value, bool) and abs(value) < 1 << 63:
             return value
     elif kind is Path:
         if isinstance(value, (str, os.PathLike)):
@@ -210,7 +211,13 @@ def _convert_scalar(kind: Any, value: Any, key: Key) -> Any:
 
 
 def _describe(value: Any) -> str:
-    return "a table" if isinstance(value, Mapping) else "a list" if isinstance(value, list) else repr(value)
+    return "a table" if isinstance(value, Mapping) else "a list" if isinstance(value, list) else shown(value)
+
+
+def shown(value: Any) -> str:
+    """A value in a message, cut where it is long."""
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 def _plain(value: Any) -> Any:

@@ -10,15 +10,14 @@ import functools
 import itertools
 import os
 import re
-import tomllib
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from . import config
 from .errors import UserError
 from .skeleton import Skeleton
 
@@ -136,25 +135,17 @@ def load_overrides(path: str | os.PathLike[str]) -> dict[str, str]:
     A missing or malformed file, another table and an unknown role are UserErrors.
     """
     example = 'write [roles] and lines such as left_foot = "LeftAnkle"'
-    try:
-        data = tomllib.loads(Path(path).read_text("utf-8"))
-    except OSError as error:
-        raise UserError(f"cannot read: {error.strerror}", path=path) from error
-    except UnicodeDecodeError as error:
-        raise UserError("not a text file", path=path, remedy=example) from error
-    except tomllib.TOMLDecodeError as error:
-        place = re.search(r"line (\d+)", str(error))
-        raise UserError(
-            f"not TOML: {error}", path=path, line=int(place[1]) if place else None, remedy=example
-        ) from error
+    data, text = config.read_toml(path)
     unknown = sorted(set(data) - {"roles"})
     if unknown or not isinstance(data.get("roles"), dict):
         what = f"unknown key {unknown[0]!r}" if unknown else "no table [roles]"
         raise UserError(what, path=path, remedy=example)
     for role, joint in data["roles"].items():
-        _check_role(role, path)
+        line = config.line_of(text, ("roles", role))
+        _check_role(role, path, line)
         if not isinstance(joint, str):
-            raise UserError(f"roles.{role} is {joint!r}, expected a joint's name", path=path, remedy=example)
+            what = f"roles.{role} is {config.shown(joint)}, expected a joint's name"
+            raise UserError(what, path=path, line=line, remedy=example)
     return dict(data["roles"])
 
 
@@ -170,7 +161,25 @@ def apply(skeleton: Skeleton, overrides: Mapping[str, str]) -> Skeleton:
             roles[role] = skeleton.index(joint)
         else:
             roles.pop(role, None)
+    _check_places(skeleton, roles, overrides)
     return skeleton.with_roles({role: roles[role] for role in ROLES if role in roles})
+
+
+def _check_places(skeleton: Skeleton, roles: Mapping[str, int], told: Mapping[str, str]) -> None:
+    """A UserError where two roles are told one joint, or one told lies above one that it belongs below."""
+    remedy = "correct the roles; an empty name removes one"
+    for one, other in itertools.combinations([role for role, joint in told.items() if joint], 2):
+        # A spine of one joint is its own chest.
+        if told[one] == told[other] and {one, other} != {"spine", "chest"}:
+            what = f"joint {told[one]!r} is told to play two roles, {one} and {other}"
+            raise UserError(what, remedy=remedy)
+    for limb in ([f"{side}_{part}" for part in limb] for side in SIDES for limb in (LEG, ARM)):
+        found = [role for role in limb if role in roles]
+        for upper, lower in itertools.pairwise(found):
+            below = roles[upper] in skeleton.chain(roles[lower])
+            if not below and (told.get(upper) or told.get(lower)):
+                what = f"{skeleton.names[roles[lower]]!r} ({lower}) is not below "
+                raise UserError(what + f"{skeleton.names[roles[upper]]!r} ({upper})", remedy=remedy)
 
 
 def opposite(role: str) -> str:
@@ -200,9 +209,10 @@ def on_all_fours(skeleton: Skeleton, positions: NDArray) -> bool:
     return bool(np.mean(level & low) > 0.5)
 
 
-def _check_role(role: str, path: str | os.PathLike[str] | None = None) -> None:
+def _check_role(role: str, path: str | os.PathLike[str] | None = None, line: int | None = None) -> None:
     if role not in ROLES:
-        raise UserError(f"unknown role {role!r}", path=path, remedy=f"the roles are {', '.join(ROLES)}")
+        remedy = f"the roles are {', '.join(ROLES)}"
+        raise UserError(f"unknown role {config.shown(role)}", path=path, line=line, remedy=remedy)
 
 
 # Names
@@ -295,6 +305,16 @@ class _Tree:
         for j, p in enumerate(self.parents[1:], 1):
             self.children[p].append(j)
         self.lengths = np.linalg.norm(skeleton.offsets, axis=-1)
+        # Of each joint the child on the way to its farthest leaf, from the leaves up.
+        self.longest = [-1] * len(self.parents)
+        ways = [0.0] * len(self.parents)
+        for j in reversed(range(len(self.parents))):
+            below = [(self.lengths[c] + ways[c], c) for c in self.children[j]]
+            if below:
+                # Of equals the first in the file.
+                ways[j], self.longest[j] = max(below, key=lambda way: way[0])
+            else:
+                ways[j] = float(np.linalg.norm(skeleton.end_sites.get(j, 0.0)))
 
     def path(self, joint: int) -> list[int]:
         """From joint 0 to joint."""
@@ -313,12 +333,10 @@ class _Tree:
 
     def longest_chain(self, joint: int) -> list[int]:
         """Joints from joint to the leaf at the greatest distance along bones."""
-        best: list[int] = []
-        for child in self.children[joint]:
-            chain = self.longest_chain(child)
-            if not best or self.reach(chain) > self.reach(best):
-                best = chain
-        return [joint, *best]
+        chain = [joint]
+        while self.longest[chain[-1]] >= 0:
+            chain.append(self.longest[chain[-1]])
+        return chain
 
     def reach(self, chain: Sequence[int]) -> float:
         ends = self.skeleton.end_sites

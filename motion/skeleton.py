@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -57,7 +57,7 @@ class Skeleton:
             return self.names.index(name)
         except ValueError:
             raise UserError(
-                f"no joint {name!r}", remedy=f"the skeleton's joints are {', '.join(self.names)}"
+                f"no joint {name!r}", remedy=f"the skeleton's joints are {listed(self.names)}"
             ) from None
 
     def role(self, role: str) -> int:
@@ -67,7 +67,7 @@ class Skeleton:
         known = ", ".join(sorted(self.roles)) or "none"
         raise UserError(
             f"no joint plays the role {role!r} (roles found: {known})",
-            remedy=f"name it in a roles file; the joints are {', '.join(self.names)}",
+            remedy=f"name it in a roles file; the joints are {listed(self.names)}",
         )
 
     def with_roles(self, roles: Mapping[str, int]) -> Skeleton:
@@ -114,6 +114,12 @@ class Skeleton:
             dict(data["roles"]),
             {int(j): np.array(o, np.float64) for j, o in data.get("end_sites", {}).items()},
         )
+
+
+def listed(names: Sequence[str], most: int = 40) -> str:
+    """Names for a message, the first of them where they are many."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
 
 
 def sort_topologically(parents: Iterable[int]) -> NDArray[np.int64]:

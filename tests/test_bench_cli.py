@@ -109,7 +109,7 @@ BAD = {
     "not a database": (("search", "{text}"), "not a motion database"),
     "no seconds": (("compare", "{db}", "--seconds", "0"), "give a number above 0"),
     "counts": (("crowd", "{db}", "--counts", "1,x"), "'1,x' is not a list of numbers"),
-    "no characters": (("crowd", "{db}", "--counts", "0"), "give numbers of at least 1"),
+    "no characters": (("crowd", "{db}", "--counts", "0"), "not in the range 1<=x"),
     "nothing listed": (("compare", "{db}", "--courses", ","), "an empty list"),
     "excluded from a database": (("compare", "{db}", "--exclude", "run"), "is built already"),
     "no BVH": (("reading", "{no}"), "no such file"),

@@ -11,7 +11,7 @@ import synthetic
 
 from features import extract, normalise
 from features.schema import Feature, Schema
-from mm import build, interchange, skeletons
+from mm import build, interchange, skeletons, tags
 from mm.database import Database
 from motion import bvh, kinematics, quat, resample, root
 from motion.clip import Clip
@@ -495,3 +495,18 @@ def test_real_cmu_clips_move_as_people_do(data: Path) -> None:
     assert speed.max() < 6 and 0.5 < np.median(speed) < 3
     hips = db.poses.positions[:, 1, 1]
     assert 0.7 < np.median(hips) < 1.1
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("tag,clips,tag\nrun,run*,x\n", "tags.csv:1: header"),
+        ("tag,clips\nrun,run*,3,4\n", "tags.csv:2: .*more than 2 columns"),
+        ("tag,clips\n" + 200_000 * "x" + ",run*\n", "tags.csv:.*not CSV"),
+        ('tag,clips\n"run"x,run*\n', "tags.csv:2: not CSV"),
+    ],
+)
+def test_tables_of_tags_that_are_amiss(tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "tags.csv").write_text(text)
+    with pytest.raises(UserError, match=message):
+        tags.load(tmp_path / "tags.csv")

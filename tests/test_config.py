@@ -176,3 +176,24 @@ def test_a_failed_write_leaves_nothing(tmp_path):
     with pytest.raises(UserError, match="cannot write"):
         config.dump(Car("x"), tmp_path / "car.toml")
     assert [path.name for path in tmp_path.iterdir()] == ["car.toml"]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("a = " + "[" * 20_000, "nested too deeply"),
+        ("a = " + "9" * 5_000, "not valid TOML"),
+        ("search_interval = " + "9" * 400, "expected a number, found 999.*line"),
+        ("search_interval = -1", r"file.toml:1: search_interval: -1.0 is out of range; .* 0 to 1,000,000"),
+        ("search_interval = inf", "search_interval: inf is out of range"),
+        ("ignore_end = 1e7", "ignore_end: 10000000.0 is out of range"),
+        ('\nsynchronization = "none at all"', "toml:2: synchronization: .*no choice; choose from adjust"),
+    ],
+)
+def test_files_that_would_overflow(tmp_path, text, message):
+    from mm.settings import Settings
+
+    (tmp_path / "file.toml").write_text(text)
+    with pytest.raises(UserError, match=message.replace(".*line", "")) as caught:
+        config.load(Settings, tmp_path / "file.toml")
+    assert len(str(caught.value)) < 1000

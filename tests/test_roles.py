@@ -262,8 +262,10 @@ def test_overrides(tmp_path, walker):
         ("[roles]\nleft_foot = 3", "roles.left_foot is 3"),
         ('[joints]\na = "b"', "unknown key 'joints'"),
         ("", r"no table \[roles\]"),
-        ("[roles\n", "roles.toml:1: not TOML"),
+        ("[roles\n", "roles.toml:1: not valid TOML"),
         ("\xff", "not a text file"),
+        ("a = " + "[" * 20_000, "nested too deeply"),
+        ("a = " + "9" * 5_000, "not valid TOML"),
     ],
 )
 def test_bad_override_files(tmp_path, text, message):
@@ -271,6 +273,28 @@ def test_bad_override_files(tmp_path, text, message):
     path.write_bytes(text.encode("latin1"))
     with pytest.raises(UserError, match=message):
         roles.load_overrides(path)
+
+
+def test_an_override_file_may_begin_with_a_byte_order_mark(tmp_path):
+    (tmp_path / "roles.toml").write_text('[roles]\nhips = "Hips"\n', "utf-8-sig")
+    assert roles.load_overrides(tmp_path / "roles.toml") == {"hips": "Hips"}
+
+
+def test_roles_that_exclude_each_other(walker):
+    with pytest.raises(UserError, match="'LeftFoot' is told to play two roles, left_foot and right_foot"):
+        roles.apply(walker.skeleton, {"left_foot": "LeftFoot", "right_foot": "LeftFoot"})
+    with pytest.raises(UserError, match=r"'LeftUpLeg' \(left_leg\) is not below 'LeftLeg' \(left_up_leg\)"):
+        roles.apply(walker.skeleton, {"left_up_leg": "LeftLeg", "left_leg": "LeftUpLeg"})
+
+
+def test_a_chain_of_a_thousand_joints_is_no_fault():
+    count = 1000
+    legs = [f"{side}{part}" for side in ("Left", "Right") for part in ("UpLeg", "Leg", "Foot")]
+    parents = [*range(-1, count - 1), 0, count, count + 1, 0, count + 3, count + 4]
+    offsets = np.tile([0.0, 0.1, 0.0], (len(parents), 1))
+    chain = Skeleton(("Hips", *(f"t{i}" for i in range(1, count)), *legs), parents, offsets)
+    assert roles.guess(chain)["left_foot"] == count + 2
+    assert roles._Tree(chain).longest_chain(0) == list(range(count))
 
 
 def test_overrides_that_do_not_exist(tmp_path, walker):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import os
 import shutil
 
 import numpy as np
@@ -143,3 +144,30 @@ def test_excluded_clips_are_left_out(tree, patterns, left):
 def test_a_pattern_that_excludes_nothing_is_named(tree):
     with pytest.raises(UserError, match=r"like 'jump\*'; the clips are c, z, b"):
         sources.find(tree, exclude=["z", "jump*"])
+
+
+def test_loops_of_links_pipes_and_skeletons_beside_clips(tmp_path):
+    (tmp_path / "good.bvh").write_text("x")
+    (tmp_path / "loop.bvh").symlink_to(tmp_path / "loop.bvh")
+    assert {p.name for p in sources.find(tmp_path)} == {"good.bvh", "loop.bvh"}
+    os.mkfifo(tmp_path / "pipe.bvh")
+    with pytest.raises(UserError, match="not a regular file"):
+        sources.find(tmp_path / "pipe.bvh")
+    (tmp_path / "01_01.amc").write_text("x")
+    (tmp_path / "01.ASF").write_text("x")
+    assert tmp_path / "01.ASF" in sources.inputs(tmp_path / "01_01.amc")
+
+
+def test_a_folder_that_cannot_be_read_is_not_passed_over(tmp_path, monkeypatch):
+    (tmp_path / "secret").mkdir()
+    (tmp_path / "good.bvh").write_text("x")
+    scandir = os.scandir
+
+    def refuse(path):
+        if str(path).endswith("secret"):
+            raise PermissionError(13, "Permission denied", str(path))
+        return scandir(path)
+
+    monkeypatch.setattr(os, "scandir", refuse)  # the tests may run as one who can read everything
+    with pytest.raises(UserError, match="secret: cannot read this folder: Permission denied"):
+        sources.find(tmp_path)
