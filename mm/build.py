@@ -21,7 +21,7 @@ from motion.errors import UserError
 from motion.pose import Poses
 from motion.skeleton import Skeleton
 
-from . import parts, skeletons
+from . import parts, skeletons, suspects
 from . import tags as tagging
 from .database import Database
 from .settings import Settings
@@ -117,13 +117,18 @@ def build(
     if folder_tags:
         rules = (*rules, *_folder_rules(clips, names))
     tagging.check(rules, names, tags)
+    for line in suspects.captures(clips, names, [dropped[clip.source] for clip in clips]):
+        work.note(line)
     cuts = [tagging.Cut(clip.fps, dropped[clip.source], len(clip)) for clip in clips]
 
     grounded = _ground(clips, target, fps, work)
     _note_unmatchable(grounded, names, fps, work)
     bits = [tagging.mark(rules, *clip, fps) for clip in zip(names, cuts, map(len, grounded), strict=True)]
     flat = _flat(schema, grounded) if roles_only else None
-    return _assemble(grounded, names, bits, tagging.names(rules), schema, float(fps), mirror, flat, work)
+    database = _assemble(grounded, names, bits, tagging.names(rules), schema, float(fps), mirror, flat, work)
+    for line in suspects.contacts(database):
+        work.note(line)
+    return database
 
 
 def _read(read: Callable[[Path], Clip], files: Sequence[Path], skip_bad: bool, work: Work) -> list[Clip]:
