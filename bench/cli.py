@@ -149,7 +149,7 @@ def compare(
 @click.argument("db", type=click.Path())
 @click.option("--queries", type=click.IntRange(1), default=1000, show_default=True, help="How many at least.")
 @click.option("--indexes", type=Listed(), metavar="A,B", help="Which indexes.  [default: all]")
-@click.option("--k", type=click.IntRange(1), default=1, show_default=True, help="Answers per query.")
+@click.option("--k", type=click.IntRange(1, 1000), default=1, show_default=True, help="Answers per query.")
 @click.option("--repeats", type=click.IntRange(1), default=3, show_default=True, help="Timed passes.")
 @console.json_option
 def search(
