@@ -95,6 +95,7 @@ def table(
     for name in indexes or ():
         if name not in known:
             raise UserError(f"no search index {name!r}", remedy=f"choose from {', '.join(known)}")
+    k = min(k, len(database))
     queries = record(database, count)
     shown = {}
     for name in indexes or known:

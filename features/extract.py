@@ -42,7 +42,12 @@ def extract(
         part = slice(begin, min(begin + CHUNK, len(poses)))
         context = Context(skeleton, poses, samples, part)
         for feature in schema.features:
-            raw[part, schema.slices[feature.name]] = _block(feature, context)
+            block = raw[part, schema.slices[feature.name]]
+            block[...] = _block(feature, context)
+            if not np.isfinite(block).all():
+                frame = begin + int(np.flatnonzero(~np.isfinite(block).all(axis=1))[0])
+                what = f"schema {schema.name!r}, feature {feature.name!r} is not finite at frame {frame}"
+                raise UserError(what, remedy="is a clip's unit or frame rate wrong?")
     return raw
 
 

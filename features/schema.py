@@ -40,6 +40,8 @@ Axis = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
 
 KINDS: tuple[str, ...] = get_args(Kind)
 TRAJECTORY = ("trajectory_position", "trajectory_direction")
+MOST_SECONDS = 10.0
+_WEIGHTS = "give 0, or a number from 0.000001 to 1,000,000"
 _COMPONENTS = {
     "position": ("x", "y", "z"),
     "velocity": ("x", "y", "z"),
@@ -92,8 +94,8 @@ class Feature:
         config.validate(self)
         if not self.name:
             raise ConfigError("name", "a feature needs a name")
-        if not 0 <= self.weight < np.inf:
-            raise ConfigError("weight", f"expected 0 or more, found {self.weight:g}")
+        if not (self.weight == 0 or 1e-6 <= self.weight <= 1e6):
+            raise ConfigError("weight", f"expected 0 or more, found {self.weight:g}", remedy=_WEIGHTS)
         allowed = {"role": self.kind in _COMPONENTS, "times": self.kind in TRAJECTORY}
         allowed |= {"function": self.kind == "custom", "columns": self.kind == "custom"}
         for key, wanted in allowed.items():
@@ -106,6 +108,8 @@ class Feature:
             raise ConfigError("role", f"{self.role!r} is no joint role", remedy=choices(ROLES))
         if not np.all(np.isfinite(self.times)) or np.any(np.diff(self.times) <= 0):
             raise ConfigError("times", "expected increasing finite numbers of seconds")
+        if np.any(np.abs(self.times) > MOST_SECONDS):
+            raise ConfigError("times", f"expected at most {MOST_SECONDS:g} s from now")
         if self.residual == "path" and self.kind != "trajectory_position":
             remedy = choices(("squared", "absolute"))
             raise ConfigError("residual", '"path" is for trajectory_position', remedy=remedy)

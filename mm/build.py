@@ -159,6 +159,10 @@ def check(clip: Clip, schema: Schema, fps: float) -> None:
         count = "1 frame" if len(clip) == 1 else f"{len(clip)} frames"
         what = f"a clip of {count} at {clip.fps:g} fps, at least {MINIMUM_FRAMES} at {fps:g} fps are needed"
         raise UserError(what, path=clip.source, remedy=SKIP)
+    if after > resample.MOST_FRAMES:
+        what = f"{len(clip)} frames at {clip.fps:g} fps are {after:,} at {fps:g} fps"
+        remedy = f"at most {resample.MOST_FRAMES:,} fit; is the file's rate right (--source-fps)?"
+        raise UserError(what, path=clip.source, remedy=remedy)
     for what, values in (("positions", clip.positions), ("rotations", clip.rotations)):
         if not np.isfinite(np.sum(values)):
             frame, joint = np.argwhere(~np.isfinite(values).all(axis=-1))[0]

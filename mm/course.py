@@ -20,6 +20,7 @@ from motion.errors import UserError
 from .speeds import Speeds
 
 Vector = tuple[float, float]
+FAR = 1e5  # metres, seconds, degrees a second: beyond it 32-bit numbers lose the millimetres
 Gait = Literal["walk", "run", "crouch"]
 
 
@@ -128,9 +129,9 @@ class RandomUser:
         _check(self)
         if self.seed < 0:
             raise ConfigError("seed", f"{self.seed}", remedy="give a whole number of at least 0")
-        if not 0 < self.hold[0] <= self.hold[1]:
+        if not 0.05 <= self.hold[0] <= self.hold[1]:
             raise ConfigError(
-                "hold", f"times {list(self.hold)}", remedy="give the shorter one first, above 0"
+                "hold", f"times {list(self.hold)}", remedy="give the shorter one first, at least 0.05"
             )
         for name in ("run", "strafe", "stop"):
             if not 0 <= getattr(self, name) <= 1:
@@ -226,6 +227,12 @@ class Course:
     def __post_init__(self) -> None:
         _check(self, positive=("seconds", "size"))
         _check_direction(self.facing)
+        limits = {"seconds": (self.seconds or 0, 86_400), "laps": (self.laps, 10_000)}
+        limits |= {name: (len(getattr(self, name)), 1_000) for name in ("waypoints", "circles", "boxes")}
+        limits |= {name: (len(getattr(self, name)), 100_000) for name in ("stick", "velocity")}
+        for name, (value, most) in limits.items():
+            if value > most:
+                raise ConfigError(name, f"{value:,g}", remedy=f"at most {most:,}")
         if not 0 < self.corner_speed <= 1:
             raise ConfigError(
                 "corner_speed", f"share {self.corner_speed}", remedy="give a number above 0, at most 1"
@@ -395,6 +402,8 @@ def _check(obj: Any, *, positive: tuple[str, ...] = ()) -> None:
         numbers = value if isinstance(value, tuple) else (value,)
         if any(isinstance(v, float) and not math.isfinite(v) for v in numbers):
             raise ConfigError(name, f"{value} is not finite", remedy="give finite numbers")
+        if any(isinstance(v, float) and abs(v) > FAR for v in numbers):
+            raise ConfigError(name, f"{value} is out of range", remedy=f"give numbers up to {FAR:,.0f}")
         if name in positive and value is not None and value <= 0:
             raise ConfigError(name, f"{value} is not above 0", remedy="give a number above 0")
     if getattr(obj, "time", 0) < 0:

@@ -120,15 +120,45 @@ class Database:
     def load(path: str | os.PathLike[str]) -> Database:
         """Read a database, memory-mapped and read-only. Errors: see `motion.files.load`."""
         metadata, arrays, fingerprint = files.load(path, KIND, VERSION)
-        poses = Poses(*(arrays.pop(name) for name in Poses.empty(0, 1).arrays()))
-        return Database(
-            skeleton=Skeleton.from_json(metadata["skeleton"]),
-            fps=metadata["fps"],
-            schema=Schema.from_dict(metadata["schema"]),
-            poses=poses,
-            contact_roles=tuple(metadata["contact_roles"]),
-            names=tuple(metadata["names"]),
-            tag_names=tuple(metadata["tag_names"]),
-            fingerprint=fingerprint,
-            **arrays,
+        with files.content_of(path, KIND):
+            database = Database(
+                skeleton=Skeleton.from_json(metadata["skeleton"]),
+                fps=metadata["fps"],
+                schema=Schema.from_dict(metadata["schema"]),
+                poses=Poses(*(arrays.pop(name) for name in Poses.empty(0, 1).arrays())),
+                contact_roles=tuple(metadata["contact_roles"]),
+                names=tuple(metadata["names"]),
+                tag_names=tuple(metadata["tag_names"]),
+                fingerprint=fingerprint,
+                **arrays,
+            )
+            database.validate()
+        return database
+
+    def validate(self) -> None:
+        """A ValueError unless types, shapes and ranges agree with each other."""
+        frames, joints, ranges, columns = len(self), len(self.skeleton), len(self.starts), self.schema.size
+        arrays = vars(self) | self.poses.arrays()
+        shapes = {name: ("float32", (frames, joints, 3)) for name in self.poses.arrays()}
+        files.check_shapes(
+            arrays,
+            {
+                **shapes,
+                "rotations": ("float32", (frames, joints, 4)),
+                "contacts": ("uint8", (frames, len(self.contact_roles))),
+                "features": ("float32", (frames, columns)),
+                "offset": ("float32", (columns,)),
+                "scale": ("float32", (columns,)),
+                "starts": ("int32", (ranges,)),
+                "stops": ("int32", (ranges,)),
+                "mirrored": ("bool", (ranges,)),
+                "tags": ("uint32", (frames,)),
+            },
         )
+        edges = np.append(self.starts, frames)
+        if not frames or edges[0] != 0 or np.any(np.diff(edges) <= 0) or np.any(edges[1:] != self.stops):
+            raise ValueError(f"its ranges do not cover its {frames} frames one after another")
+        if len(self.names) != ranges or len(self.tag_names) > 32:
+            raise ValueError(f"{len(self.names)} names of {ranges} ranges, {len(self.tag_names)} tags")
+        if not 0 < self.fps <= 10_000:
+            raise ValueError(f"{self.fps} frames per second")

@@ -128,20 +128,45 @@ class Recording:
     def load(path: str | os.PathLike[str]) -> Recording:
         """Read a recording, memory-mapped and read-only. Errors: see `motion.files.load`."""
         metadata, arrays, _ = files.load(path, KIND, VERSION)
-        return Recording(
-            system=metadata["system"],
-            skeleton=Skeleton.from_json(metadata["skeleton"]),
-            fps=metadata["fps"],
-            course=metadata["course"] and config.from_dict(Course, metadata["course"]),
-            settings=metadata["settings"],
-            schema=metadata["schema"],
-            database=metadata["database"],
-            stages=tuple(metadata["stages"]),
-            path=arrays.pop("path", None),
-            step_seconds=arrays.pop("step_seconds"),
-            stage_seconds=arrays.pop("stage_seconds"),
-            arrays=arrays,
+        with files.content_of(path, KIND):
+            recording = Recording(
+                system=metadata["system"],
+                skeleton=Skeleton.from_json(metadata["skeleton"]),
+                fps=metadata["fps"],
+                course=metadata["course"] and config.from_dict(Course, metadata["course"]),
+                settings=metadata["settings"],
+                schema=metadata["schema"],
+                database=metadata["database"],
+                stages=tuple(metadata["stages"]),
+                path=arrays.pop("path", None),
+                step_seconds=arrays.pop("step_seconds"),
+                stage_seconds=arrays.pop("stage_seconds"),
+                arrays=arrays,
+            )
+            recording.validate()
+        return recording
+
+    def validate(self) -> None:
+        """A ValueError unless types and shapes agree with each other."""
+        frames, count = self.arrays["positions"].shape[:2]
+        files.check_shapes(
+            self.arrays | {"step_seconds": self.step_seconds, "stage_seconds": self.stage_seconds},
+            {
+                "positions": ("float32", (frames, count, len(self.skeleton), 3)),
+                "rotations": ("float32", (frames, count, len(self.skeleton), 4)),
+                "command_velocity": ("float32", (frames, count, 2)),
+                "command_yaw": ("float32", (frames, count)),
+                "step_seconds": ("float64", (frames,)),
+                "stage_seconds": ("float64", (frames, len(self.stages))),
+            },
         )
+        for name, array in self.arrays.items():
+            if array.shape[:2] != (frames, count):
+                raise ValueError(f"{name} are {array.shape}, expected {frames} frames of {count} characters")
+        if self.path is not None and (self.path.ndim != 2 or self.path.shape[1] != 2):
+            raise ValueError(f"its path is {self.path.shape}")
+        if not 0 < self.fps <= 10_000:
+            raise ValueError(f"{self.fps} frames per second")
 
 
 def record(

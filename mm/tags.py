@@ -71,7 +71,9 @@ def _load_csv(path: Path) -> tuple[Rule, ...]:
         return _rules(reader, path)
     except csv.Error as error:
         what = f"not CSV: {error}"
-        raise UserError(what, path=path, line=reader.line_num or None, remedy=f"write {_EXAMPLE}") from error
+        raise UserError(
+            what, path=path, line=reader.reader.line_num or None, remedy=f"write {_EXAMPLE}"
+        ) from error
 
 
 def _rules(reader: csv.DictReader, path: Path) -> tuple[Rule, ...]:

@@ -196,7 +196,7 @@ def _convert_scalar(kind: Any, value: Any, key: Key) -> Any:
         if whole or (isinstance(value, float) and not math.isnan(value)):
             return float(value)
     elif kind is int:
-        if isinstance(value, int) and not isinstance(value, bool) and abs(value) < 1 << 63:
+        if isinstance(value, int) and not isinstance(value, bool) and -(1 << 63) <= value < 1 << 63:
             return value
     elif kind is Path:
         if isinstance(value, (str, os.PathLike)):

@@ -276,6 +276,24 @@ def load(
     return body, arrays, mark.decode()
 
 
+@contextlib.contextmanager
+def content_of(path: str | os.PathLike[str], kind: str) -> Iterator[None]:
+    """What goes wrong inside means: the checksum is right, but the content is not that of such a file."""
+    try:
+        yield
+    except (LookupError, TypeError, ValueError, AttributeError, OverflowError, UserError) as error:
+        why = f"no {error}" if isinstance(error, KeyError) else error
+        raise UserError(f"damaged {kind}: {why}", path=path, remedy="make it again") from error
+
+
+def check_shapes(arrays: Mapping[str, NDArray], expected: Mapping[str, tuple[str, tuple[int, ...]]]) -> None:
+    """A ValueError unless each expected array is there with its type and shape."""
+    for name, (dtype, shape) in expected.items():
+        array = arrays[name]
+        if array.dtype != dtype or array.shape != shape:
+            raise ValueError(f"{name} are {array.dtype} {array.shape}, expected {dtype} {shape}")
+
+
 def _arrays(table: Mapping[str, Any], data: NDArray[np.uint8]) -> dict[str, NDArray]:
     """Views of the data by the header's table, in file order; a ValueError unless they cover all of it."""
     arrays: dict[str, NDArray] = {}

@@ -12,6 +12,7 @@ from .errors import UserError
 
 # Files print frame times with few digits (0.008333 for 120 Hz): rates this near to a whole ratio are at it.
 _ROUNDING = 1e-4
+MOST_FRAMES = 10_000_000  # of a clip that is resampled: two days at 60 frames a second
 
 
 def resample(clip: Clip, fps: float, *, method: str = "cubic") -> Clip:
@@ -35,6 +36,13 @@ def resample(clip: Clip, fps: float, *, method: str = "cubic") -> Clip:
     if step == round(step):
         whole = slice(None, None, round(step))
         return clip.replace(fps=fps, positions=clip.positions[whole], rotations=clip.rotations[whole])
+    count = frames_after(len(clip), step)
+    if count > MOST_FRAMES:
+        raise UserError(
+            f"{len(clip)} frames at {clip.fps:g} fps are {count:,} at {fps:g}, at most {MOST_FRAMES:,} fit",
+            path=clip.source,
+            remedy="give a lower rate, or the right one of the file",
+        )
     times = sample_times(len(clip), step)
     before, share = _split(times)
     rotations = np.empty((len(times), *clip.rotations.shape[1:]))
@@ -53,8 +61,12 @@ def frame_step(rate: float, fps: float) -> float:
 
 def sample_times(frames: int, step: float) -> NDArray[np.float64]:
     """Instants 0, step, 2 step, ... in frames, up to the last frame (rounding errors beyond it included)."""
-    count = int(np.floor((frames - 1) / step + 1e-6)) + 1 if frames else 0
-    return np.minimum(np.arange(count) * step, frames - 1)
+    return np.minimum(np.arange(frames_after(frames, step)) * step, frames - 1)
+
+
+def frames_after(frames: int, step: float) -> int:
+    """How many `sample_times` there are."""
+    return int(np.floor((frames - 1) / step + 1e-6)) + 1 if frames else 0
 
 
 def crop(clip: Clip, start: int = 0, stop: int | None = None) -> Clip:

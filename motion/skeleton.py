@@ -107,13 +107,19 @@ class Skeleton:
 
     @staticmethod
     def from_json(data: Mapping) -> Skeleton:
-        return Skeleton(
+        skeleton = Skeleton(
             tuple(data["names"]),
             np.array(data["parents"], np.int32),
             np.array(data["offsets"], np.float64).reshape(-1, 3),
             dict(data["roles"]),
             {int(j): np.array(o, np.float64) for j, o in data.get("end_sites", {}).items()},
         )
+        known = range(len(skeleton))
+        if not {*skeleton.roles.values(), *skeleton.end_sites} <= set(known):
+            raise ValueError("roles or end sites of joints that the skeleton does not have")
+        if len(set(skeleton.names)) < len(known) or not all(isinstance(n, str) for n in skeleton.names):
+            raise ValueError("joint names that are not unique strings")
+        return skeleton
 
 
 def listed(names: Sequence[str], most: int = 40) -> str:

@@ -46,6 +46,8 @@ def load(
     fps replaces the file's frame rate, unit_to_m the unit found, roles the roles guessed.
     """
     path = Path(path)
+    if kind(path) is None:
+        raise UserError("no such file", path=path, remedy="check the path")
     form = FORMATS.get(path.suffix.lower())
     if form is None:
         raise UserError("not a motion file", path=path, remedy=_choices())

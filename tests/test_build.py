@@ -510,3 +510,8 @@ def test_tables_of_tags_that_are_amiss(tmp_path: Path, text: str, message: str) 
     (tmp_path / "tags.csv").write_text(text)
     with pytest.raises(UserError, match=message):
         tags.load(tmp_path / "tags.csv")
+
+
+def test_a_source_rate_that_would_fill_the_memory_is_refused(walker_files: Path) -> None:
+    with pytest.raises(UserError, match=r"run.bvh: .* at most 10,000,000 fit.*--source-fps"):
+        build.build(walker_files / "run.bvh", source_fps=1e-3)

@@ -204,3 +204,22 @@ def test_a_stick_course_spells_its_random_user_out():
     course = courses.load("random")
     assert course.script() == course.random.keys(course.seconds)
     assert Course(stick=(StickKey(time=0),), seconds=1).script() == (StickKey(time=0),)
+
+
+@pytest.mark.parametrize(
+    ("changes", "key"),
+    [
+        ({"seconds": 1e9}, "seconds"),
+        ({"seconds": 1.0, "hold": (1e-9, 1.0)}, "hold"),
+        ({"waypoints": [(i, 0) for i in range(1001)]}, "waypoints"),
+        ({"waypoints": [(0, 0), (1e6, 0)]}, "position"),
+        ({"waypoints": [(0, 0), (1, 0), (1, 1)], "closed": True, "laps": 10**9}, "laps"),
+    ],
+)
+def test_courses_without_end_are_refused(changes, key):
+    with pytest.raises(UserError) as caught:
+        ways = [Waypoint(position=p, speed=1) for p in changes.pop("waypoints", [])]
+        hold = changes.pop("hold", (1.0, 2.0))
+        script = {} if ways else {"random": RandomUser(hold=hold)}
+        Course(**{**changes, **script}, waypoints=tuple(ways))
+    assert key in str(caught.value)

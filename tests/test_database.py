@@ -114,3 +114,36 @@ def test_damage_and_another_version_are_refused(tmp_path: Path) -> None:
     files.save(path, "recording", 1, {}, {})
     with pytest.raises(UserError, match="a recording, expected a motion database"):
         Database.load(path)
+
+
+CHANGES = {
+    "no rate": (lambda m, a: m.pop("fps"), "no 'fps'"),
+    "a rate of text": (lambda m, a: m.update(fps="60"), "damaged"),
+    "a rate of 0": (lambda m, a: m.update(fps=0), "0 frames per second"),
+    "no skeleton": (lambda m, a: m.update(skeleton=[1]), "damaged"),
+    "a role of no joint": (lambda m, a: m["skeleton"]["roles"].update(head=99), "does not have"),
+    "a cycle": (lambda m, a: m["skeleton"]["parents"].__setitem__(1, 5), "parents before children"),
+    "another schema": (lambda m, a: m["schema"].update(features=m["schema"]["features"][:1]), "features are"),
+    "an unknown feature": (lambda m, a: m["schema"]["features"][0].update(kind="smell"), "no choice"),
+    "fewer names": (lambda m, a: m.update(names=["x"]), "1 names of 2 ranges"),
+    "no features": (lambda m, a: a.pop("features"), "features"),
+    "an array too many": (lambda m, a: a.update(more=np.zeros(3)), "more"),
+    "other poses": (lambda m, a: a.update(positions=a["positions"][1:]), "positions are"),
+    "another type": (lambda m, a: a.update(tags=a["tags"].astype(np.float32)), "tags are float32"),
+    "a range beyond the end": (lambda m, a: a.update(stops=a["stops"] + np.int32(1)), "do not cover"),
+    "ranges backwards": (lambda m, a: a.update(starts=a["starts"][::-1].copy()), "do not cover"),
+    "no frames": (lambda m, a: a.update({k: v[:0] for k, v in a.items()}), "damaged"),
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_foreign_content_under_a_right_checksum_is_refused(tmp_path: Path, change: str) -> None:
+    _database().save(tmp_path / "db")
+    metadata, arrays, _ = files.load(tmp_path / "db", KIND, VERSION)
+    edit, message = CHANGES[change]
+    edit(metadata, arrays)
+    del metadata["format"], metadata["version"]
+    files.save(tmp_path / "other", KIND, VERSION, metadata, arrays)
+    with pytest.raises(UserError, match=message) as caught:
+        Database.load(tmp_path / "other")
+    assert caught.value.path == str(tmp_path / "other") and "damaged motion database" in str(caught.value)

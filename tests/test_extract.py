@@ -311,3 +311,11 @@ def test_equals_the_public_reference(oracle):
     np.testing.assert_allclose(ours[1], scale, rtol=2e-6)
     # Its stored rotations are off unit length by up to 4e-6, which its detour through the world keeps.
     np.testing.assert_allclose(normalise.normalise(raw, *ours), expected, atol=1.5e-4)
+
+
+def test_a_feature_that_is_not_finite_is_named_with_its_frame():
+    poses = circle(60)
+    poses.positions[7, 5, 1] = np.nan
+    schema = Schema("s", (Feature("foot", "position", "left_foot"), Feature("nod", "position", "head")))
+    with pytest.raises(UserError, match="'s', feature 'nod' is not finite at frame 7"):
+        ground(schema, poses)

@@ -9,8 +9,8 @@ from mm import course as courses
 from mm.control import Command
 from mm.course import Course, VelocityKey, Waypoint
 from mm.driver import Driver
-from mm.recording import Recorder, Recording, record
-from motion import quat
+from mm.recording import KIND, VERSION, Recorder, Recording, record
+from motion import files, quat
 from motion.errors import UserError
 from motion.pose import Poses
 from motion.skeleton import Skeleton
@@ -208,3 +208,26 @@ def test_a_recorder_takes_as_many_steps_as_it_was_made_for():
     with pytest.raises(ValueError, match="more steps than the 1"):
         recorder.take(still, system.step(still))
     assert len(recorder.finish()) == 1
+
+
+@pytest.mark.parametrize(
+    "edit",
+    [
+        lambda m, a: m.pop("system"),
+        lambda m, a: m.update(course={"name": "none"}),
+        lambda m, a: m.update(stages=["one"]),
+        lambda m, a: a.pop("positions"),
+        lambda m, a: a.update(rotations=a["rotations"][..., :3]),
+        lambda m, a: a.update(frame=a["frame"][1:]),
+        lambda m, a: a.update(path=np.zeros(4)),
+    ],
+)
+def test_foreign_content_under_a_right_checksum_is_refused(tmp_path, edit):
+    record(Point(2), courses.load("circle"), seconds=0.5).save(tmp_path / "tape")
+    metadata, arrays, _ = files.load(tmp_path / "tape", KIND, VERSION)
+    assert Recording.load(tmp_path / "tape").count == 2
+    edit(metadata, arrays)
+    del metadata["format"], metadata["version"]
+    files.save(tmp_path / "other", KIND, VERSION, metadata, arrays)
+    with pytest.raises(UserError, match="other: damaged recording"):
+        Recording.load(tmp_path / "other")

@@ -120,3 +120,8 @@ def test_bad_arguments():
             resample.resample(clip_at(30, 5), fps)
     with pytest.raises(ValueError, match="cubic or linear"):
         resample.resample(clip_at(30, 5), 60, method="nearest")
+
+
+def test_a_rate_that_would_fill_the_memory_is_refused(walker):
+    with pytest.raises(UserError, match="at most 10,000,000 fit"):
+        resample.resample(walker.replace(fps=1e-3), 60.0)

@@ -99,7 +99,7 @@ joint_features = st.builds(
     ),
     st.sampled_from([kind for kind in KINDS if kind not in (*TRAJECTORY, "custom")]),
     st.sampled_from(ROLES),
-    st.floats(0, 1e6),
+    st.just(0.0) | st.floats(1e-6, 1e6),
     st.sampled_from(["squared", "absolute"]),
     st.none() | st.text(min_size=1),
 )
@@ -249,3 +249,11 @@ def test_registering_needs_distinct_column_names():
     for columns in ("xyz", (), ("a", "a")):
         with pytest.raises(ValueError, match="expected distinct names"):
             register("bad", lambda context: np.zeros(0), columns=columns)
+
+
+@pytest.mark.parametrize("weight", [1e-7, 1e7, np.inf, -1.0])
+def test_weights_and_times_beyond_use_are_refused(weight):
+    with pytest.raises(UserError, match="weight"):
+        Feature("x", "position", "head", weight=weight)
+    with pytest.raises(UserError, match="at most 10 s"):
+        Feature("x", "trajectory_position", times=(0.2, 11.0))
