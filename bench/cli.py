@@ -107,7 +107,8 @@ def compare(
     """Memory, cost per frame and motion quality of every system over every course.
 
     SOURCES are clips and folders, or one database. With -o the folder gets summary.csv, summary.json,
-    courses.csv and report.html, and the database where one was built.
+    courses.csv and report.html, and the database where one was built. Systems that end in -free do not
+    hold the feet.
     """
     from mm import course as known_courses
 
