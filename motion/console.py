@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import functools
 import json
 import os
+import shutil
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, TextIO, TypeVar
@@ -24,6 +27,7 @@ class Group(click.Group):
     def main(self, *args: Any, **kwargs: Any) -> Any:
         kwargs["standalone_mode"] = False
         try:
+            _cache_compiled_code()
             code = super().main(*args, **kwargs)
             if sys.stdout is not None:
                 sys.stdout.flush()  # at exit it would be too late to report a full disk
@@ -54,6 +58,24 @@ class Group(click.Group):
             if sys.stderr is not None:  # print would take standard output instead
                 print("error: " + " ".join(message.split()), file=sys.stderr)
         sys.exit(code)
+
+
+def _cache_compiled_code() -> None:
+    """Give numba a folder of its own for this run where it may write neither beside the source nor at home.
+
+    It would refuse to import the kernels otherwise.
+    """
+    folders = (os.path.dirname(__file__), os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"))
+    if "NUMBA_CACHE_DIR" in os.environ or any(map(_writable, folders)):
+        return
+    os.environ["NUMBA_CACHE_DIR"] = folder = tempfile.mkdtemp(prefix="numba-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+
+
+def _writable(folder: str) -> bool:
+    while not os.path.lexists(folder) and os.path.dirname(folder) != folder:
+        folder = os.path.dirname(folder)
+    return os.access(folder, os.W_OK | os.X_OK)
 
 
 def _silence(*streams: TextIO | None) -> None:

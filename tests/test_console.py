@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -312,3 +313,18 @@ def test_numbers_in_range_are_taken() -> None:
     assert console.SECONDS.convert("1e5", None, None) == 1e5
     assert console.RATE.convert("1", None, None) == 1
     assert console.Number(0, 5).convert(0, None, None) == 0
+
+
+def test_compiled_code_goes_to_a_folder_of_the_run_where_no_other_can_be_written(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", "")  # so that it is put back
+    monkeypatch.delenv("NUMBA_CACHE_DIR")
+    console._cache_compiled_code()
+    assert "NUMBA_CACHE_DIR" not in os.environ
+    monkeypatch.setattr(os, "access", lambda path, mode: False)
+    monkeypatch.setattr(console.atexit, "register", lambda function, *args, **kwargs: made.extend(args))
+    made: list[str] = []
+    console._cache_compiled_code()
+    assert os.environ["NUMBA_CACHE_DIR"] == made[0] and Path(made[0]).is_dir()
+    os.rmdir(made[0])
