@@ -71,8 +71,9 @@ def resting_heights(
 ) -> Array:
     """Height [C] at which each foot joint stands while the character walks.
 
-    A percentile (share) of y of feet [T, C, 3] over the frames in contact (contacts [T, C]) while the root is
-    faster than moving (speed [T], m/s): whoever sits or lies rests a foot joint lower than it ever stands. Feet with
+    A percentile (share) of y of feet [T, C, 3] over the frames in contact (contacts [T, C]) while the root
+    is faster than moving (speed [T], m/s): whoever sits or lies rests a foot joint lower than it ever
+    stands. Feet with
     fewer than 10 such frames, and all feet where contacts or speed are not given, take a low percentile over
     all frames; not the minimum, so that capture noise and a few frames below the floor do not set it.
 

@@ -35,7 +35,7 @@ COLUMNS: tuple[tuple[str, str, int, str], ...] = (
     ("heading_response_s", "turn s", 2, "time from a step in the commanded facing to 90 % of it"),
     ("response_share", "answered", 2, "share of those steps that were answered before the next"),
     ("jerk_m_s3", "jerk m/s³", 0, "mean norm of the third difference of joint positions"),
-    ("pop_cm", "max pop cm", 2, "largest jump of a joint at any transition beyond what its velocity predicts"),
+    ("pop_cm", "max pop cm", 2, "largest jump of a joint at any transition beyond its velocity"),
     ("ordinary_pop_cm", "no pop cm", 2, "the same where there is no transition, 99th percentile"),
     ("transitions_per_s", "trans/s", 2, "transitions a second"),
     ("speed_ratio", "speed ratio", 2, "metres walked over metres commanded"),

@@ -37,7 +37,7 @@ def contact_roles(skeleton: Skeleton, positions: NDArray | None = None) -> tuple
 def contacts(
     clip: Clip, *, roles: Sequence[str] | None = None, speed: float = SPEED, window: float = WINDOW
 ) -> NDArray[np.uint8]:
-    """Ground contacts [T, C], 1 where the point that roles[c] (default `contact_roles`) touches with is still.
+    """Ground contacts [T, C], 1 where what roles[c] (default `contact_roles`) touches with is still.
 
     Still means slower than speed (m/s), after a median filter over window seconds (REFERENCE 2.6).
     """

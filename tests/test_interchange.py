@@ -251,3 +251,21 @@ def test_the_blend_space_database_is_imported(data: Path) -> None:
     assert np.isfinite(db.features).all()
     speed = np.linalg.norm(db.poses.velocities[:, 0], axis=-1)
     assert 0.8 < np.median(speed) < 5 and 0.2 < db.contacts.mean() < 0.8
+
+
+def test_an_export_that_fails_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    db = interchange.import_directory(_folder(tmp_path), roles=ROLES)
+
+    def full(path: Path, raw: interchange.Raw) -> None:
+        raise UserError("cannot write: No space left on device", path=path)
+
+    monkeypatch.setattr(interchange, "write_database", full)
+    with pytest.raises(UserError, match="No space left"):
+        interchange.export_directory(db, tmp_path / "new")
+    assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.parametrize("fps", [0.0, -1.0, float("nan"), 1e9])
+def test_an_import_at_a_rate_that_is_none_is_refused(tmp_path: Path, fps: float) -> None:
+    with pytest.raises(UserError, match="rate between 1 and 1000"):
+        interchange.import_directory(_folder(tmp_path), fps=fps)
