@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from motion import config, console
+from motion import config, console, files
 
 from . import presets
 from .schema import Schema
@@ -28,6 +28,7 @@ def schema(name: str, output: Path | None, as_json: bool) -> None:
     """Print a schema as TOML, with its columns. NAME is a ready-made schema or a TOML file."""
     found = Schema.load(name)
     if output is not None:
+        files.check_output(output, inputs=[None if name in presets.names() else name])
         found.save(output)
     elif as_json:
         facts = {"size": found.size, "euclidean": found.euclidean, "fingerprint": found.fingerprint}

@@ -51,3 +51,9 @@ def test_faults_are_one_line(capsys, tmp_path):
 def test_help_ends_with_an_example(capsys, command):
     last = run(capsys, command, "--help")[1].strip().split("\n\n")[-1]
     assert last.strip().startswith(f"Example: python -m features {command}")
+
+
+def test_does_not_write_over_its_input(capsys, tmp_path):
+    path = str(tmp_path / "a.toml")
+    run(capsys, "schema", "lmm27", "-o", path)
+    assert run(capsys, "schema", path, "-o", path)[0] == 2
