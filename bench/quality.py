@@ -152,7 +152,7 @@ def judge(
 
 
 def of_data(database: Any, feet: Feet) -> dict[str, float]:
-    """The same metrics, where they mean something, of the database's own clips: what no system can better.
+    """The same metrics, where they mean something, of the database's own clips: the yardstick.
 
     Up to 30,000 frames, whole ranges, spread over the database; metrics are weighted by length.
     """
