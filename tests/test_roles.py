@@ -294,7 +294,7 @@ def test_a_chain_of_a_thousand_joints_is_no_fault():
     offsets = np.tile([0.0, 0.1, 0.0], (len(parents), 1))
     chain = Skeleton(("Hips", *(f"t{i}" for i in range(1, count)), *legs), parents, offsets)
     assert roles.guess(chain)["left_foot"] == count + 2
-    assert roles._Tree(chain).longest_chain(0) == list(range(count))
+    assert roles.tree.Tree(chain).longest_chain(0) == list(range(count))
 
 
 def test_overrides_that_do_not_exist(tmp_path, walker):
