@@ -34,16 +34,3 @@ CHARACTER = np.dtype(
     ],
     align=True,
 )
-
-# One foot of one character.
-FOOT = np.dtype(
-    [
-        ("target", np.float32, 3),
-        ("point", np.float32, 3),
-        ("offset", np.float32, 3),
-        ("offset_rate", np.float32, 3),
-        ("contact", np.bool_),
-        ("locked", np.bool_),
-    ],
-    align=True,
-)

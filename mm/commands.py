@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from motion.springs import wrap
+
 from .control import Command
 from .speeds import Speeds
-from .springs import wrap
 
 Float = NDArray[np.float32]
 

@@ -15,11 +15,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from features import normalise
+from motion import foot_lock, foot_lock_numpy, springs
 from motion.errors import UserError
 from motion.pose import Poses
 
 from . import characters as state_types
-from . import kernels, kernels_numpy, search, springs, stages
+from . import kernels, kernels_numpy, search, stages
 from . import settings as settings_types
 from .control import Command
 from .database import Database
@@ -73,6 +74,7 @@ class Controller:
         self.settings = settings = settings or Settings()
         self.skeleton, self.fps = database.skeleton, database.fps
         self._kernels = kernels if compiled else kernels_numpy
+        self._lock_feet = (foot_lock if compiled else foot_lock_numpy).lock_feet
         self._settings = settings_types.record(settings, database.fps)
         self._obstacles = np.asarray(obstacles, np.float32).reshape(-1, 5)
         ignore_end = round(settings.ignore_end * database.fps)
@@ -105,7 +107,7 @@ class Controller:
 
         joints, feet = len(self.skeleton), len(database.contact_roles)
         self.characters = np.zeros(count, state_types.CHARACTER)
-        self._feet = np.zeros((count, feet), state_types.FOOT)
+        self._feet = np.zeros((count, feet), foot_lock.FOOT)
         self._playing, self._shown = Poses.empty(count, joints), Poses.empty(count, joints)
         self._offsets = np.zeros((count, joints, 4, 3), np.float32)
         self._contacts = np.zeros((count, feet), np.uint8)
@@ -137,7 +139,7 @@ class Controller:
         for name in ("root", "data_root"):
             self.characters[name][:, :2] = positions
             self.characters[name][:, 2] = springs.wrap(yaws)
-        self._feet[:] = np.zeros((), state_types.FOOT)
+        self._feet[:] = np.zeros((), foot_lock.FOOT)
         self._feet["target"] = np.nan
         self._offsets[:] = 0
         self._history[:] = self.characters["root"][:, None]
@@ -210,7 +212,7 @@ class Controller:
         np.copyto(self._rotations, shown.rotations)
         if self._legs is not None:
             legs = self._legs
-            self._kernels.lock_feet(
+            self._lock_feet(
                 self._feet, self._contacts, settings, self._parents, legs.needed, legs.joints, legs.points,
                 legs.hinges, legs.heights, shown.positions, self._rotations,
             )  # fmt: skip

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from motion import files
+from motion import files, springs
 
-from . import springs
 from .course import Course
 from .driver import Driver
 from .settings import Settings

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from motion.springs import wrap
+
 from .commands import from_stick, from_velocity
 from .control import Command
 from .course import Course, StickKey
 from .polyline import Polyline, spline
-from .springs import wrap
 
 Float = NDArray[np.float64]
 

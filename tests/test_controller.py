@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 import synthetic
 
-from mm import springs
 from mm.build import build
 from mm.control import Command
 from mm.controller import Controller, box, circle
 from mm.settings import Settings
-from motion import bvh, kinematics
+from motion import bvh, kinematics, springs
 from motion.errors import UserError
 from motion.pose import Poses
 

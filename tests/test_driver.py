@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from mm import course as courses
-from mm import springs
 from mm.course import Course, StickKey, VelocityKey, Waypoint
 from mm.driver import Driver
 from mm.polyline import Polyline
 from mm.settings import Settings
+from motion import springs
 
 FPS = 60.0
 

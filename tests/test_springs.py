@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad, solve_ivp
 
-from mm import springs
+from motion import springs
 
 HALFLIFE = 0.27
 
