@@ -1,4 +1,4 @@
-"""``python -m bench``: compare systems, search indexes, crowds, readers and builds on real data."""
+"""``python -m bench``: compare systems, motions, search indexes, crowds, readers and builds on real data."""
 
 from __future__ import annotations
 
@@ -218,6 +218,63 @@ def build(sources: tuple[str, ...], repeats: int, as_json: bool, **options: Any)
         console.print_json(rows)
     else:
         console.print_table(rows, title="Building a database, from files to file")
+
+
+@main.command(epilog="Example: python -m bench likeness dancecard/ cmu/ --exclude '16_0*' -o out/likeness")
+@click.argument("a", type=click.Path())
+@click.argument("b", type=click.Path())
+@click.option(
+    "-o", "--output", type=click.Path(), metavar="DIR", help="Write pictures, tables, a page there."
+)
+@click.option("--only", type=Listed(), metavar="A,B", help="Moves to look at: walk, 'run 3'.  [default: all]")
+@click.option(
+    "--worst",
+    type=click.IntRange(0),
+    default=30,
+    show_default=True,
+    help="Rows to print of what is farthest outside.",
+)
+@click.option("--full", is_flag=True, help="Print every move and measure.")
+@console.exclude_option
+@console.json_option
+def likeness(
+    a: str,
+    b: str,
+    output: str | None,
+    only: tuple[str, ...] | None,
+    worst: int,
+    full: bool,
+    exclude: tuple[str, ...],
+    as_json: bool,
+) -> None:
+    """How like the motion of B that of A is, at the same speeds and moves.
+
+    A and B are clips or folders, of any skeletons, rates and units. Both are cut into what the character does
+    (stand, walk, run, turn, start, stop, backward, sidestep, crouch). Numbers of each move: joint angles,
+    excursions, step times, speeds by frequency, jerk, skate; A's median beside B's spread. With -o the folder
+    gets film strips, mean joint angles over the gait cycle and spectra, and index.html to look at all.
+    """
+    from .likeness import compare as comparing
+    from .likeness import page
+
+    folder = None if output is None else Path(output)
+    if folder is not None:
+        if files.kind(folder) not in (None, "folder"):
+            raise UserError("cannot write: it is a file", path=folder, remedy="name a folder")
+        files.check_output(folder / "index.html")
+    result = comparing.compare([a], [b], exclude=exclude, only=only, note=_note, progress=console.progress)
+    if as_json:
+        console.print_json(page.to_json(result))
+    else:
+        console.print_table(result.summary(), title=f"A: {a}, B: {b}")
+        rows = result.table if full else result.worst(worst)
+        if len(rows):
+            print()
+            console.print_table(page.rows(rows), title="" if full else "Farthest outside of B's spread")
+    if folder is not None:
+        command = shlex.join(["python", "-m", "bench", *sys.argv[1:]])
+        for path in page.save(result, folder, command=command, progress=console.progress)[-3:]:
+            print(f"wrote {path}", file=sys.stderr)
 
 
 def open_database(

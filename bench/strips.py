@@ -41,18 +41,22 @@ def draw(
     low: NDArray[np.bool_] | None = None,
     feet: list[int] | None = None,
     view: str = "side",
+    cell: float | None = None,
+    height: float | None = None,
 ) -> None:
     """Draw poses [S, J, 3] (world) side by side on matplotlib axes, each seen by its own facing, yaws [S].
 
     view "side" looks from the character's right, so that it faces to the right of the page; "front" faces
-    it; "top" looks down, the facing upwards. Feet that rest (low [S, C] of joints feet) bear a dot.
+    it; "top" looks down, the facing upwards. Feet that rest (low [S, C] of joints feet) bear a dot. Strips
+    that shall be compared are given the same cell, the metres from one pose to the next, and height, metres
+    that are shown.
     """
     from matplotlib.collections import LineCollection
 
     colours = bone_colours(skeleton)
     flat = np.stack([project(pose, yaw, view) for pose, yaw in zip(poses, yaws, strict=True)])
-    extent = np.ptp(flat[:, 1:], axis=1)
-    cell = 1.15 * float(np.percentile(extent[:, 0], 90)) + 0.1
+    if cell is None:
+        cell = 1.15 * float(np.percentile(np.ptp(flat[:, 1:], axis=1)[:, 0], 90)) + 0.1
     bones = [(j, p) for j, p in enumerate(skeleton.parents) if p > 0]
     flat += np.stack([np.arange(len(flat)) * cell, np.zeros(len(flat))], axis=-1)[:, None]
     lines = [(pose[j], pose[p]) for pose in flat for j, p in bones]
@@ -73,7 +77,10 @@ def draw(
     axes.set_aspect("equal")
     axes.set_xlim(-0.7 * cell, (len(flat) - 0.3) * cell)
     top, bottom = float(flat[..., 1].max()), float(flat[..., 1].min())
-    axes.set_ylim(min(bottom, 0) - 0.25, top + 0.1)
+    bottom, top = min(bottom, 0) - 0.25, top + 0.1
+    if height is not None:
+        bottom, top = (-height / 2, height / 2) if view == "top" else (-0.08 * height, 0.92 * height)
+    axes.set_ylim(bottom, top)
     axes.set_axis_off()
 
 

@@ -1,0 +1,1 @@
+"""Motion beside motion: two sources at the same speeds and moves, in pictures and numbers."""

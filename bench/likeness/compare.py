@@ -1,0 +1,218 @@
+"""Two sources cut into the same moves, and a row of numbers for each move and measure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from motion import sources
+from motion.errors import UserError
+
+from . import measures, moves
+from .body import Body
+from .measures import Gauge
+from .moves import Passage
+
+Array = NDArray[np.floating]
+
+ENOUGH = 4  # passages from which a spread means something
+SPREAD = (10, 90)  # percentiles
+LEAST = {"°": 1.0, "% leg": 0.3, "%": 1.0, "steps/min": 2.0, "m": 0.02, "cm": 0.2}  # what nobody sees
+TYPICAL = (
+    *("cadence", "knee range", "hip range", "ankle range", "pelvis_height range", "trunk_lean mean"),
+    *("shoulder range", "elbow mean", "step width", "turn"),
+)
+
+
+@dataclass(eq=False)
+class Side:
+    """One of the two sources: its passages by move, with gauges and numbers.
+
+    numbers holds for each move a frame with a row a passage, columns the measures.
+    """
+
+    name: str
+    clips: int = 0
+    seconds: float = 0.0
+    legs: list[float] = field(default_factory=list)
+    passages: dict[str, list[Passage]] = field(default_factory=dict)
+    gauges: dict[Body, Gauge] = field(default_factory=dict)
+    numbers: dict[str, pd.DataFrame] = field(default_factory=dict)
+    units: dict[str, str] = field(default_factory=dict)
+
+    def add(self, body: Body) -> None:
+        self.clips += 1
+        self.seconds += body.clip.seconds
+        self.legs.append(body.leg)
+        self.gauges[body] = Gauge.of(body)
+        for passage in moves.passages(body):
+            self.passages.setdefault(passage.move, []).append(passage)
+
+    def measure(self) -> None:
+        for move, passages in self.passages.items():
+            rows = []
+            for passage in passages:
+                found = measures.measure(self.gauges[passage.body], passage)
+                self.units |= {name: unit for name, (_, unit) in found.items()}
+                rows.append({name: value for name, (value, _) in found.items()})
+            self.numbers[move] = pd.DataFrame(rows)
+
+    def typical(self, move: str, speed: float) -> Passage:
+        """The passage nearest to a speed that is in the middle of what this source does there."""
+        table, passages = self.numbers[move], self.passages[move]
+        far = 3 * np.abs(table["speed"].to_numpy() - speed) / max(0.05, 0.1 * speed)
+        for name in TYPICAL:
+            if name in table and table[name].notna().any():
+                values = table[name]
+                spread = max(float(values.std(ddof=0)), 1e-3)
+                far = far + np.abs(values.fillna(values.median()).to_numpy() - values.median()) / spread
+        # Strips begin at the left foot's strike; among turns to either side the more frequent one is shown.
+        lefts = np.array([p.side != "right" for p in passages])
+        return passages[int(np.argmin(np.where(lefts, far, np.inf) if lefts.any() else far))]
+
+
+@dataclass(eq=False)
+class Likeness:
+    """What two sources have in common, and how far they are apart.
+
+    table has a row a move and measure: a, a_low, a_high, b, b_low, b_high (medians, and percentiles 10 and
+    90), inside (whether a lies in b's spread; None where b has too few passages to have one) and off, by how
+    many half-spreads a lies from b.
+    """
+
+    a: Side
+    b: Side
+    moves: list[str]
+    table: pd.DataFrame
+    notes: list[str]
+
+    def summary(self) -> list[dict[str, Any]]:
+        """A row a move that either has."""
+        rows = []
+        for move in sorted({*self.a.passages, *self.b.passages}, key=moves.order):
+            part = self.table[(self.table["move"] == move) & self.table["inside"].notna()]
+            sides = {name: side.numbers.get(move) for name, side in (("A", self.a), ("B", self.b))}
+            row: dict[str, Any] = {"move": move}
+            for name, numbers in sides.items():
+                row[f"passages {name}"] = 0 if numbers is None else len(numbers)
+            for name, numbers in sides.items():
+                row[f"speed {name}"] = None if numbers is None else float(numbers["speed"].median())
+            row["measures"] = len(part) or None
+            row["inside"] = float(part["inside"].astype(float).mean()) if len(part) else None
+            row["median off"] = float(part["off"].abs().median()) if len(part) else None
+            rows.append(row)
+        return rows
+
+    def worst(self, count: int) -> pd.DataFrame:
+        """The rows farthest outside of b's spread."""
+        outside = self.table[self.table["inside"] == False]  # noqa: E712
+        return outside.loc[outside["off"].abs().sort_values(ascending=False).index].head(count)
+
+
+def compare(
+    a: Sequence[Path | str],
+    b: Sequence[Path | str],
+    *,
+    exclude: Sequence[str] = (),
+    only: Sequence[str] | None = None,
+    note: Callable[[str], None] | None = None,
+    progress: Callable[..., Iterator[Any]] | None = None,
+) -> Likeness:
+    """Put the motion of sources a beside that of b (files and folders).
+
+    exclude are shell patterns of clips to leave out of either; only, moves (or their first words) to look at.
+    Clips that cannot be judged are left out with a note; a source without a single clip, and sources without
+    a move in common, are UserErrors.
+    """
+    notes: list[str] = []
+    sides = [_read(paths, exclude, notes, progress) for paths in (a, b)]
+    for side in sides:
+        if only:
+            side.passages = {
+                move: found
+                for move, found in side.passages.items()
+                if move in only or move.split()[0] in only
+            }
+        side.measure()
+    one, two = sides
+    common = sorted(one.passages.keys() & two.passages.keys(), key=moves.order)
+    if not common:
+        has = [", ".join(sorted(s.passages, key=moves.order)) or "no move that has a name" for s in sides]
+        raise UserError(
+            f"the two have no move in common: {one.name} has {has[0]}; {two.name} has {has[1]}",
+            remedy="give longer clips, or leave --only out",
+        )
+    rows = [row for move in common for row in _rows(move, one, two)]
+    for line in notes:
+        if note is not None:
+            note(line)
+    return Likeness(one, two, common, pd.DataFrame(rows), notes)
+
+
+def _read(
+    paths: Sequence[Path | str], exclude: Sequence[str], notes: list[str], progress: Callable | None
+) -> Side:
+    side = Side(", ".join(map(str, paths)))
+    everything = sources.find(paths)
+    # A pattern may be meant for the other source alone.
+    patterns = [pattern for pattern in exclude if _matches(paths, pattern)]
+    found = sources.find(paths, exclude=patterns) if patterns else everything
+    bad: list[UserError] = []
+    for file in progress(found, label=f"read {side.name}") if progress else found:
+        try:
+            side.add(Body.of(sources.load(file)))
+        except UserError as error:
+            bad.append(error)
+    if side.clips == 0:
+        raise UserError(f"no clip of {len(found)} can be judged; the first: {bad[0]}")
+    notes += [f"left out: {error}" for error in bad]
+    return side
+
+
+def _matches(paths: Sequence[Path | str], pattern: str) -> bool:
+    try:
+        sources.find(paths, exclude=[pattern])
+    except UserError as error:
+        return "no clip to exclude" not in error.what
+    return True
+
+
+def _rows(move: str, one: Side, two: Side) -> Iterator[dict[str, Any]]:
+    a, b = one.numbers[move], two.numbers[move]
+    for name in a.columns:
+        if name not in b or b[name].notna().sum() == 0 or a[name].notna().sum() == 0:
+            continue
+        unit = one.units[name]
+        yield {"move": move, "measure": name, "unit": unit, **judge(a[name], b[name], LEAST.get(unit, 0.0))}
+
+
+def judge(a: Any, b: Any, least: float = 0.0) -> dict[str, Any]:
+    """Medians and spreads of values a and b, NaN left out, and whether a's median lies in b's spread.
+
+    The spread is widened to least on both sides of b's median, a difference that nobody sees.
+    """
+    a, b = (np.asarray(v, np.float64)[np.isfinite(np.asarray(v, np.float64))] for v in (a, b))
+    a_low, a_mid, a_high = np.percentile(a, (SPREAD[0], 50, SPREAD[1]))
+    b_low, b_mid, b_high = np.percentile(b, (SPREAD[0], 50, SPREAD[1]))
+    low, high = min(b_low, b_mid - least), max(b_high, b_mid + least)
+    half = max(high - b_mid if a_mid > b_mid else b_mid - low, 1e-9)
+    known = len(b) >= ENOUGH
+    return {
+        "a": a_mid,
+        "a_low": a_low,
+        "a_high": a_high,
+        "b": b_mid,
+        "b_low": b_low,
+        "b_high": b_high,
+        "inside": bool(low <= a_mid <= high) if known else None,
+        "off": float((a_mid - b_mid) / half) if known else float("nan"),
+        "ratio_db": float(20 * np.log10(a_mid / b_mid)) if a_mid > 0 and b_mid > 0 else float("nan"),
+        "n_a": len(a),
+        "n_b": len(b),
+    }
