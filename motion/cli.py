@@ -14,6 +14,7 @@ import click
 
 from . import console
 from .errors import UserError
+from .fetching.cli import fetch
 
 if TYPE_CHECKING:
     from .clip import Clip
@@ -25,6 +26,9 @@ LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254, "foot": 0.3048}
 @console.group("motion", "Motion files: look at them, find their joints' roles, convert them.")
 def main() -> None:
     pass
+
+
+main.add_command(fetch)
 
 
 class Length(click.ParamType):

@@ -1,0 +1,1 @@
+"""Public motion data sets: a registry of them, their download, their safe unpacking."""
