@@ -93,7 +93,7 @@ def read_asf(path: str | os.PathLike[str]) -> Asf:
     data = text.read_bytes(path)
     if b":bonedata" not in data.lower():
         raise fault("not an ASF file, or cut short", "an ASF file has a :bonedata section")
-    for line, content in enumerate(text.decode(data).split("\n"), 1):
+    for line, content in enumerate(text.lines(text.decode(data)), 1):
         words = content.partition("#")[0].split()
         if not words:
             continue

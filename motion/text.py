@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 from . import files
@@ -26,8 +27,20 @@ def read_bytes(path: str | os.PathLike[str]) -> bytes:
         raise UserError("the file is empty", path=path, remedy=WHOLE_COPY)
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         raise UserError("16-bit text", path=path, line=1, remedy="save it as plain text (UTF-8)")
-    data = data.removeprefix(b"\xef\xbb\xbf")
-    return data if b"\n" in data else data.replace(b"\r", b"\n")
+    data = data.removeprefix(b"\xef\xbb\xbf").removesuffix(b"\x1a")  # the end of a file under DOS
+    if data.count(b"\r") == data.count(b"\r\n"):
+        return data
+    return data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+
+
+def lines(content: str) -> Iterator[str]:
+    """Lines of a text, without their ends, one at a time."""
+    at = 0
+    while at <= len(content):
+        stop = content.find("\n", at)
+        stop = len(content) if stop < 0 else stop
+        yield content[at:stop]
+        at = stop + 1
 
 
 def decode(data: bytes) -> str:

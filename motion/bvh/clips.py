@@ -32,7 +32,7 @@ def to_clip(document: BvhDocument, *, name: str, unit_to_m: float = 1.0, source:
             axis = "XYZ".index(channel[0])
             if channel.endswith("position"):
                 positions[:, j, axis] = document.values[:, column]
-            else:
+            elif channel.endswith("rotation"):
                 columns[j, turns], axes[j, turns] = column, axis
                 turns += 1
             column += 1

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from .rates import frame_rate
 
 CHANNELS = tuple(f"{axis}{kind}" for kind in ("position", "rotation") for axis in "XYZ")
+SCALES = tuple(f"{axis}scale" for axis in "XYZ")  # read where they say 1 throughout; a clip has none
 
 
 @dataclass(eq=False)
@@ -22,7 +23,7 @@ class BvhDocument:
     parents : int32 [J], -1 for the root, joint 0.
     offsets : float64 [J, 3].
     end_sites : per joint, the offsets of its end sites.
-    channels : per joint, its channels in file order, spelled as in `CHANNELS`.
+    channels : per joint, its channels in file order, spelled as in `CHANNELS` and `SCALES`.
     frame_time : seconds per frame, as printed.
     values : float64 [T, C], C the number of all channels.
     """

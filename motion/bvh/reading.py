@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from .. import digits, text
 from ..errors import UserError
-from .document import BvhDocument
-from .hierarchy import read_hierarchy
+from .document import SCALES, BvhDocument
+from .hierarchy import Joint, read_hierarchy
 
-_MOTION = re.compile(rb"^[ \t]*MOTION\b", re.IGNORECASE | re.MULTILINE)
-_FRAMES = re.compile(rb"\s*frames\s*:?\s*(\S+)\s*$", re.IGNORECASE)
-_FRAME_TIME = re.compile(rb"\s*frame\s*time\s*:?\s*(\S+)\s*$", re.IGNORECASE)
+_MOTION = re.compile(rb"(?:^|(?<=\}))[ \t]*MOTION\b", re.IGNORECASE | re.MULTILINE)
+_FRAMES = re.compile(rb"frames\s*:?\s*(\S+)$", re.IGNORECASE)
+_FRAME_TIME = re.compile(rb"frame\s*time\s*:?\s*(\S+)$", re.IGNORECASE)
 
 
 def parse(path: str | os.PathLike[str]) -> BvhDocument:
@@ -23,7 +23,8 @@ def parse(path: str | os.PathLike[str]) -> BvhDocument:
 
     Keywords and channels may be in any case and order, separated by any white space; blank lines and lines
     that begin with ``#`` or ``//`` are skipped. A file may hold one row fewer than ``Frames:`` says, as some
-    exporters count one too many. Anything else amiss is a UserError with its line.
+    exporters count one too many. Scale channels may stand among the others as long as they say 1. Anything
+    else amiss is a UserError with its line.
     """
     data = text.read_bytes(path)
     start = _MOTION.search(data)
@@ -43,6 +44,7 @@ def parse(path: str | os.PathLike[str]) -> BvhDocument:
         raise UserError("no joint has channels", path=path, remedy=text.WHOLE_COPY)
     frames, frame_time, at, line, frames_line = _motion_head(data, start.end(), path)
     values = _rows(data, at, line, columns, frames, frames_line, path)
+    _check_scales(joints, values, path)
     return BvhDocument(
         names=tuple(joint.name for joint in joints),
         parents=np.array([joint.parent for joint in joints], np.int32),
@@ -54,12 +56,25 @@ def parse(path: str | os.PathLike[str]) -> BvhDocument:
     )
 
 
+def _check_scales(joints: list[Joint], values: NDArray[np.float64], path: str | os.PathLike[str]) -> None:
+    column = 0
+    for joint in joints:
+        for channel in joint.channels or ():
+            if channel in SCALES and np.abs(values[:, column] - 1).max() > 1e-3:
+                raise UserError(
+                    f"joint {text.shown(joint.name)} is scaled by its channel {channel}",
+                    path=path,
+                    line=joint.line,
+                    remedy="export it with positions in place of scales",
+                )
+            column += 1
+
+
 def _motion_head(data: bytes, at: int, path: str | os.PathLike[str]) -> tuple[int, str, int, int, int]:
     """Frames and frame time from byte `at` on; byte and line of the rows; the line of ``Frames:``."""
     line = data.count(b"\n", 0, at) + 1
     frames = frame_time = None
     frames_line = line
-    at, line = data.find(b"\n", at) + 1 or len(data), line + 1
     while frames is None or frame_time is None:
         if at >= len(data):
             missing = "Frames:" if frames is None else "Frame Time:"
@@ -68,7 +83,9 @@ def _motion_head(data: bytes, at: int, path: str | os.PathLike[str]) -> tuple[in
             )
         stop = data.find(b"\n", at)
         stop = len(data) if stop < 0 else stop
-        content = data[at : min(stop, at + 200)]
+        content = data[at:stop].strip()
+        if len(content) > 200:
+            content = content[:200] + b" ..."  # neither of the two
         if match := _FRAME_TIME.match(content):
             frame_time = match[1].decode("ascii", "replace")
             if not _is_frame_time(frame_time):
@@ -88,9 +105,9 @@ def _motion_head(data: bytes, at: int, path: str | os.PathLike[str]) -> tuple[in
                     remedy="write the number of rows that follow",
                 )
             frames = int(match[1])
-        elif content.strip() and not content.lstrip().startswith((b"#", b"//")):
+        elif content and not content.startswith((b"#", b"//")):
             raise UserError(
-                f"expected 'Frames:' and 'Frame Time:', found {text.shown(text.decode(content).strip())}",
+                f"expected 'Frames:' and 'Frame Time:', found {text.shown(text.decode(content))}",
                 path=path,
                 line=line,
                 remedy=text.WHOLE_COPY,
@@ -133,4 +150,6 @@ def _rows(
         where = f"value {fault.column + 1} of frame {fault.row + 1}"
         what = f"{where} is no finite number: {text.shown(fault.token)}"
         remedy = f"{text.WHOLE_COPY}, or cut the frame out"
+        if "," in fault.token:
+            remedy = "write numbers with a decimal point and blanks between them"
     raise UserError(what, path=path, line=line + fault.line, remedy=remedy)
