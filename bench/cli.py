@@ -15,7 +15,7 @@ from motion.errors import UserError
 if TYPE_CHECKING:
     from mm.database import Database
 
-CLIPS = (".bvh", ".amc", ".asf")
+CLIPS = (".bvh", ".amc", ".asf", ".npz", ".gltf", ".glb")
 
 
 @console.group("bench", "Numbers to trust: memory, cost per frame, motion quality, search, crowds, reading.")

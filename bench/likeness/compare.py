@@ -23,7 +23,9 @@ Array = NDArray[np.floating]
 
 ENOUGH = 4  # passages from which a spread means something
 SPREAD = (10, 90)  # percentiles
+NEAR = 0.05  # share of b's median by which a may lie off in any case
 LEAST = {"°": 1.0, "% leg": 0.3, "%": 1.0, "steps/min": 2.0, "m": 0.02, "cm": 0.2}  # what nobody sees
+LESS = ("jerk", "15-30 Hz", "skate", "moves", "p95", "below its rest", "below y = 0")  # the less, the better
 TYPICAL = (
     *("cadence", "knee range", "hip range", "ankle range", "pelvis_height range", "trunk_lean mean"),
     *("shoulder range", "elbow mean", "step width", "turn"),
@@ -63,16 +65,18 @@ class Side:
                 rows.append({name: value for name, (value, _) in found.items()})
             self.numbers[move] = pd.DataFrame(rows)
 
-    def typical(self, move: str, speed: float) -> Passage:
-        """The passage nearest to a speed that is in the middle of what this source does there."""
+    def typical(self, move: str, speed: float, turn: float | None = None) -> Passage:
+        """The passage nearest to a speed and turn rate, in the middle of what this source does there."""
         table, passages = self.numbers[move], self.passages[move]
         far = 3 * np.abs(table["speed"].to_numpy() - speed) / max(0.05, 0.1 * speed)
+        if turn is not None and abs(turn) > moves.TURNING:
+            far = far + np.abs(np.array([p.turn for p in passages]) - turn) / 10
         for name in TYPICAL:
             if name in table and table[name].notna().any():
                 values = table[name]
                 spread = max(float(values.std(ddof=0)), 1e-3)
                 far = far + np.abs(values.fillna(values.median()).to_numpy() - values.median()) / spread
-        # Strips begin at the left foot's strike; among turns to either side the more frequent one is shown.
+        # Strips begin at the left foot's strike.
         lefts = np.array([p.side != "right" for p in passages])
         return passages[int(np.argmin(np.where(lefts, far, np.inf) if lefts.any() else far))]
 
@@ -189,19 +193,26 @@ def _rows(move: str, one: Side, two: Side) -> Iterator[dict[str, Any]]:
         if name not in b or b[name].notna().sum() == 0 or a[name].notna().sum() == 0:
             continue
         unit = one.units[name]
-        yield {"move": move, "measure": name, "unit": unit, **judge(a[name], b[name], LEAST.get(unit, 0.0))}
+        yield {
+            "move": move,
+            "measure": name,
+            "unit": unit,
+            **judge(a[name], b[name], LEAST.get(unit, 0.0), less=name.endswith(LESS)),
+        }
 
 
-def judge(a: Any, b: Any, least: float = 0.0) -> dict[str, Any]:
+def judge(a: Any, b: Any, least: float = 0.0, *, less: bool = False) -> dict[str, Any]:
     """Medians and spreads of values a and b, NaN left out, and whether a's median lies in b's spread.
 
-    The spread is widened to least on both sides of b's median, a difference that nobody sees.
+    The spread is widened to least, and to 5 % of b's median, on both sides of that: a difference that nobody
+    sees. less: what lies below it counts as inside (jerk, skate: noise of a capture is nothing to aim for).
     """
     a, b = (np.asarray(v, np.float64)[np.isfinite(np.asarray(v, np.float64))] for v in (a, b))
     a_low, a_mid, a_high = np.percentile(a, (SPREAD[0], 50, SPREAD[1]))
     b_low, b_mid, b_high = np.percentile(b, (SPREAD[0], 50, SPREAD[1]))
+    least = max(least, NEAR * abs(b_mid), 1e-9)
     low, high = min(b_low, b_mid - least), max(b_high, b_mid + least)
-    half = max(high - b_mid if a_mid > b_mid else b_mid - low, 1e-9)
+    half = high - b_mid if a_mid > b_mid else b_mid - low
     known = len(b) >= ENOUGH
     return {
         "a": a_mid,
@@ -210,7 +221,7 @@ def judge(a: Any, b: Any, least: float = 0.0) -> dict[str, Any]:
         "b": b_mid,
         "b_low": b_low,
         "b_high": b_high,
-        "inside": bool(low <= a_mid <= high) if known else None,
+        "inside": bool((less or low <= a_mid) and a_mid <= high) if known else None,
         "off": float((a_mid - b_mid) / half) if known else float("nan"),
         "ratio_db": float(20 * np.log10(a_mid / b_mid)) if a_mid > 0 and b_mid > 0 else float("nan"),
         "n_a": len(a),

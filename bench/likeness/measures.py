@@ -33,7 +33,7 @@ PLANTED = (0.35, 0.7)  # share of a stance in which the toe is planted: foot fla
 
 
 CURVES: dict[str, str] = {
-    "hip": "hip flexion (thigh against the vertical), °",
+    "hip": "hip flexion, thigh to vertical, °",
     "knee": "knee flexion, °",
     "ankle": "ankle dorsiflexion, °",
     "foot": "foot pitch, toes up, °",
@@ -45,13 +45,13 @@ CURVES: dict[str, str] = {
     "thorax_rotation": "thorax rotation, near side ahead, °",
     "trunk_lean": "trunk lean, forward, °",
     "trunk_side": "trunk lean, to the near side, °",
-    "shoulder": "shoulder flexion (upper arm against the vertical), °",
+    "shoulder": "shoulder flexion, arm to vertical, °",
     "elbow": "elbow flexion, °",
     "head_pitch": "head pitch, down, °",
     "head_roll": "head roll, to the far side, °",
-    "pelvis_height": "pelvis height about its mean, % leg",
-    "pelvis_side": "pelvis sideways about its way, to the near side, % leg",
-    "head_height": "head height about its mean, % leg",
+    "pelvis_height": "pelvis height, % leg",
+    "pelvis_side": "pelvis to the near side, % leg",
+    "head_height": "head height, % leg",
 }
 
 
@@ -260,19 +260,22 @@ def _heading(body: Body, passage: Passage, frames: slice) -> Array:
 
 
 def _sideways(body: Body, passage: Passage, frames: slice) -> Array:
-    """Metres [T] that the hips are left of the way they go: of a cycle a line, or an arc where it turns."""
+    """Metres [T] that the hips are left of the way they go.
+
+    Of a cycle that is the line between its ends, where the phase is the same, or an arc that turns as the
+    body does: v t w / 2 (T - t) beside the chord. Of other passages the line of the mean facing.
+    """
     path = body.path[frames]
-    way = (
-        path[-1] - path[0]
-        if passage.side
-        else np.array([np.sin(body.heading[frames].mean()), np.cos(body.heading[frames].mean())])
-    )
-    way = way / max(np.linalg.norm(way), 1e-9)
-    left = (path - path[0]) @ np.array([way[1], -way[0]])
-    order = 2 if abs(passage.turn) > 5 and len(path) > 3 else 1
-    time = np.linspace(-1, 1, len(path))
-    # A line, or a parabola for an arc, by least squares; both step sides weigh the same over a whole cycle.
-    return left - np.polyval(np.polyfit(time, left, order), time)
+    time = np.arange(len(path)) / body.fps
+    if passage.side:
+        way = path[-1] - path[0]
+        arc = np.radians(passage.turn) * passage.speed / 2 * time * (time[-1] - time)
+    else:
+        mean = body.heading[frames].mean()
+        way, arc = np.array([np.sin(mean), np.cos(mean)]), 0.0
+    way = way / max(float(np.linalg.norm(way)), 1e-9)
+    left = (path - path[0]) @ np.array([way[1], -way[0]]) + arc
+    return left - left.mean()
 
 
 def _soles(body: Body, side: str) -> dict[str, Array]:

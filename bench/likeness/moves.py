@@ -16,6 +16,7 @@ WALKS = (0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0)  # m/s, middles of the bins
 RUNS = (2.0, 2.5, 3.0, 3.5, 4.0, 4.5)
 WALK_BIN, RUN_BIN = 0.125, 0.25  # half their widths
 TURNING = 20.0  # degrees a second: below, it goes straight
+TURNS = {45.0: "30", 90.0: "60", 180.0: "120"}  # turning faster than that has no name; what it is called
 AHEAD, BACK, ASIDE = 20.0, 150.0, (60.0, 120.0)  # degrees between facing and travel
 CROUCH = 0.88  # hips lower than this share of the leg
 CYCLE = (0.4, 2.2)  # seconds that a stride may take
@@ -62,9 +63,17 @@ def passages(body: Body) -> list[Passage]:
 
 def order(move: str) -> tuple[int, float, str]:
     """A key that puts moves as a reader expects them."""
-    kinds = ("stand", "walk", "run", "start", "stop", "turn", "walk-turn", "run-turn", "crouch")
+    kinds = (
+        *("stand", "walk", "run", "start", "stop", "start-run", "stop-run"),
+        *("turn", "walk-turn", "run-turn"),
+    )
     kind, _, speed = move.partition(" ")
     return (kinds.index(kind) if kind in kinds else len(kinds), float(speed or 0), move)
+
+
+def unit(move: str) -> str:
+    """A move's name with the unit of its number."""
+    return move + (" °/s" if "-turn" in move else " m/s" if move[-1].isdigit() else "")
 
 
 def strikes(body: Body, side: str) -> NDArray[np.int64]:
@@ -125,12 +134,13 @@ def _cycle(body: Body, start: int, stop: int, side: str) -> Passage | None:
     if low.mean() < CROUCH * body.leg and gait == "walk":
         gait = "crouch"
     move = _name(gait, speed, float(turn), abs(angle))
-    return move and Passage(move, body, start, stop, speed, float(turn), angle, side)
+    return Passage(move, body, start, stop, speed, float(turn), angle, side) if move else None
 
 
 def _name(gait: str, speed: float, turn: float, angle: float) -> str | None:
     if abs(turn) > TURNING:
-        return None if angle > 45 or gait == "crouch" else f"{gait}-turn"
+        rate = next((name for most, name in TURNS.items() if abs(turn) < most), None)
+        return f"{gait}-turn {rate}" if rate and angle < 45 and gait != "crouch" else None
     if angle > BACK:
         return "backward" if gait != "crouch" else None
     if ASIDE[0] < angle < ASIDE[1]:
@@ -197,7 +207,8 @@ def _starts(body: Body) -> Iterator[Passage]:
             fast = moving > GO_SPEED
             if not still.all() or not fast.any() or np.abs(np.mean(turn[start:stop])) > TURNING:
                 continue
-            found = _plain(name, body, start, stop, speed, turn, float(moving.max()))
+            fastest = float(moving.max())
+            found = _plain(name + "-run" * (fastest > WALKS[-1]), body, start, stop, speed, turn, fastest)
             if abs(found.angle) < 30:
                 yield found
 

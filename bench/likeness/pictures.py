@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from .. import metrics, strips
 from .body import SIDES
 from .compare import Likeness, Side
 from .measures import CURVES, POINTS, curves, over_cycle
-from .moves import Passage
+from .moves import Passage, unit
 
 Array = NDArray[np.floating]
 
@@ -23,7 +23,7 @@ VIEWS = ("side", "front", "top")
 POSES = 11  # 0 to 100 per cent of a cycle
 A_COLOUR, B_COLOUR = "#d1495b", "#2e86ab"
 WIDTH = 15.0  # inches
-HEAD = 1.12  # a figure is so many times its head joint's height, tip included
+TITLE = 0.55  # inches
 FEWEST = 2  # cycles from which a mean curve is drawn
 
 
@@ -35,102 +35,93 @@ def strip(likeness: Likeness, move: str) -> Any:
     """
     from matplotlib.figure import Figure
 
-    speeds = [side.numbers[move]["speed"].median() for side in (likeness.b, likeness.a)]
-    pairs = [(name, side.typical(move, speeds[0])) for name, side in (("A", likeness.a), ("B", likeness.b))]
-    shares, labels = _instants([passage for _, passage in pairs])
-    films = [_film(passage, share) for (_, passage), share in zip(pairs, shares, strict=True)]
-    tall = max(float(film[1][..., 1].max()) for film in films) * 1.04
-    cell = max(_width(film, view) for film in films for view in VIEWS) + 0.08
-    across = {view: max(_depth(film, view) for film in films) for view in VIEWS}
-    heights = [1.1 * tall if view != "top" else across[view] + 0.1 for view in VIEWS for _ in films]
-    scale = WIDTH / (cell * POSES)
-    title = 0.55
-    picture = Figure(figsize=(WIDTH, scale * sum(heights) + title))
-    rows = picture.subplots(len(heights), 1, height_ratios=heights)
-    total = scale * sum(heights) + title
-    picture.subplots_adjust(0, 0, 1, 1 - title / total, hspace=0)
+    theirs = likeness.b.typical(move, float(likeness.b.numbers[move]["speed"].median()))
+    pairs = [("A", likeness.a.typical(move, theirs.speed, theirs.turn)), ("B", theirs)]
+    instants, labels = _instants([passage for _, passage in pairs])
+    films = [Film.of(passage, frames) for (_, passage), frames in zip(pairs, instants, strict=True)]
+    cell = max(film.size(view)[0] for film in films for view in VIEWS) + 0.08
+    tall = 1.04 * max(film.size("side")[1] for film in films)
+    heights = {"side": 1.22 * tall, "front": 1.1 * tall, "top": max(f.size("top")[1] for f in films) + 0.1}
+    scale, total = WIDTH / (cell * POSES), 2 * sum(heights.values())
+    picture = Figure(figsize=(WIDTH, scale * total + TITLE))
+    rows = picture.subplots(6, 1, height_ratios=[heights[view] for view in VIEWS for _ in films])
+    picture.subplots_adjust(0, 0, 1, 1 - TITLE / (scale * total + TITLE), hspace=0)
     for i, axes in enumerate(rows):
         view, (name, passage), film = VIEWS[i // 2], pairs[i % 2], films[i % 2]
-        skeleton, poses, yaws, low, feet = film
-        strips.draw(
-            axes,
-            skeleton,
-            poses,
-            yaws,
-            low=low,
-            feet=feet,
-            view=view,
-            cell=cell,
-            height=heights[i],
-        )
-        colour = A_COLOUR if name == "A" else B_COLOUR
-        axes.text(
-            0.004,
-            0.97,
-            f"{name}  {view}",
-            transform=axes.transAxes,
-            va="top",
-            fontsize=10,
-            color=colour,
-            weight="bold",
-        )
+        film.draw(axes, view, cell, heights[view])
+        _write(axes, 0.004, f"{name}  {view}", A_COLOUR if name == "A" else B_COLOUR, "bold")
         if view == "side":
-            where = f"{passage.name}: {passage.speed:.2f} m/s, {passage.turn:+.0f} °/s"
-            axes.text(0.07, 0.97, where, transform=axes.transAxes, va="top", fontsize=9, color="#444444")
-        if i == 0:
-            for s, label in enumerate(labels):
-                axes.text(
-                    s * cell,
-                    1.0 * heights[i] - 0.08 * heights[i],
-                    label,
-                    ha="center",
-                    va="bottom",
-                    fontsize=9,
-                )
-    picture.suptitle(
-        f"{move}{' m/s' if move[-1].isdigit() else ''}     A: {likeness.a.name}     B: {likeness.b.name}",
-        x=0.004,
-        y=1 - 0.06 / total,
-        ha="left",
-        va="top",
-        fontsize=12,
-    )
+            what = f"{passage.name}: {passage.speed:.2f} m/s, {passage.turn:+.0f} °/s"
+            _write(axes, 0.07, what, "#444444", "normal")
+    for s, label in enumerate(labels):
+        rows[0].text(s * cell, 0.93 * heights["side"], label, ha="center", va="bottom", fontsize=9)
+    title = f"{unit(move)}     A: {likeness.a.name}     B: {likeness.b.name}"
+    picture.suptitle(title, x=0.004, y=1 - 0.06 / picture.get_figheight(), ha="left", va="top", fontsize=12)
     return picture
+
+
+def _write(axes: Any, x: float, text: str, colour: str, weight: str) -> None:
+    place = {"transform": axes.transAxes, "va": "top", "fontsize": 10}
+    axes.text(x, 0.985, text, color=colour, weight=weight, **place)
 
 
 def _instants(passages: list[Passage]) -> tuple[list[Array], list[str]]:
     """The frames at which each passage is shown, and what is written over the columns."""
-    share = np.linspace(0, 1, POSES)
+    share: Array = np.linspace(0, 1, POSES)
     if all(p.side for p in passages) or any(p.move == "turn" for p in passages):
-        frames = [p.start + share * (p.stop - p.start) for p in passages]
+        frames: list[Array] = [p.start + share * (p.stop - p.start) for p in passages]
         return frames, [f"{100 * s:.0f} %" for s in share]
     seconds = min(p.seconds for p in passages)
     return [p.start + share * seconds * p.body.fps for p in passages], [f"{s * seconds:.2f} s" for s in share]
 
 
-def _film(passage: Passage, frames: Array) -> tuple[Skeleton, Array, Array, NDArray[np.bool_], list[int]]:
-    """Skeleton, poses [S, J, 3] about the mean way, facings [S], and which of the foot joints stand.
+@dataclass(frozen=True, eq=False)
+class Film:
+    """S poses of a passage: skeleton, world positions [S, J, 3] whose joint 0 is the eye's place on the
+    ground, where the eye takes the front to be [S], which feet (joints) stand [S, 2]."""
 
-    Cycles and straight passages are seen by a steady eye: it goes the line from the first frame to the last.
-    """
-    body = passage.body
-    at = np.clip(np.round(frames).astype(np.int64), 0, len(body) - 1)
-    skeleton, positions = with_tips(body.skeleton, body.positions[at], body.rotations[at])
-    line = np.linspace(0, 1, len(at))[:, None]
-    first, last = body.path[at[0]], body.path[at[-1]]
-    way = first + line * (last - first) if passage.side else metrics.smooth(body.path, body.fps, 0.5)[at]
-    if passage.side:
-        way = way + (body.path[at] - way).mean(axis=0)
-    yaws = body.yaw[at[0]] + line[:, 0] * (body.yaw[at[-1]] - body.yaw[at[0]])
-    if passage.side:
-        yaws = yaws + float(
-            np.mean(body.yaw[at[0] : at[-1] + 1] - np.linspace(yaws[0], yaws[-1], at[-1] + 1 - at[0]))
-        )
-    elif passage.move != "turn":
-        yaws = np.full(len(at), float(body.heading[at].mean()))
-    positions[:, 0] = np.stack([way[:, 0], 0 * way[:, 0], way[:, 1]], axis=-1)
-    feet = [body.skeleton.role(body.toe(side)) for side in SIDES]
-    return skeleton, positions, yaws, body.stands[at], feet
+    skeleton: Skeleton
+    poses: Array
+    yaws: Array
+    low: NDArray[np.bool_]
+    feet: list[int]
+
+    @staticmethod
+    def of(passage: Passage, frames: Array) -> Film:
+        """The poses at frames, which need not be whole.
+
+        A steady eye goes with a cycle, on the straight line and with the even turn that lead from its first
+        frame to its last: so what sways, leans and rotates is seen to. With other passages it goes the
+        smoothed way; it keeps its direction but for turns on the spot, with which it turns.
+        """
+        body = passage.body
+        at = np.clip(np.round(frames).astype(np.int64), 0, len(body) - 1)
+        skeleton, poses = with_tips(body.skeleton, body.positions[at], body.rotations[at])
+        if passage.side:
+            whole = np.linspace(0, 1, at[-1] - at[0] + 1)[:, None]
+            path = np.column_stack([body.path, body.yaw])[at[0] : at[-1] + 1]
+            line = path[0] + whole * (path[-1] - path[0])
+            way, yaws = np.split((line + (path - line).mean(axis=0))[at - at[0]], [2], axis=1)
+            yaws = yaws[:, 0]
+        else:
+            way = metrics.smooth(body.path, body.fps, 0.5)[at]
+            yaws = body.heading[at]
+            yaws = yaws if passage.move == "turn" else np.full(len(at), float(yaws.mean()))
+        poses[:, 0] = np.stack([way[:, 0], 0 * way[:, 0], way[:, 1]], axis=-1)
+        feet = [body.skeleton.role(body.toe(side)) for side in SIDES]
+        return Film(skeleton, poses, yaws, body.stands[at], feet)
+
+    def size(self, view: str) -> tuple[float, float]:
+        """Metres that the widest pose takes, and the tallest from the ground (from the top: all about it)."""
+        eye = [strips.project(p, yaw, view)[1:] for p, yaw in zip(self.poses, self.yaws, strict=True)]
+        flat = np.stack(eye)
+        tall = 2 * np.abs(flat[..., 1]).max() if view == "top" else flat[..., 1].max()
+        return float(np.ptp(flat[..., 0], axis=1).max()), float(tall)
+
+    def draw(self, axes: Any, view: str, cell: float, height: float) -> None:
+        """On matplotlib axes; see `bench.strips.draw`."""
+        shown = {"low": self.low, "feet": self.feet, "view": view, "cell": cell, "height": height}
+        strips.draw(axes, self.skeleton, self.poses, self.yaws, **shown)  # type: ignore[arg-type]
 
 
 def with_tips(skeleton: Skeleton, positions: Array, rotations: Array) -> tuple[Skeleton, Array]:
@@ -148,18 +139,6 @@ def with_tips(skeleton: Skeleton, positions: Array, rotations: Array) -> tuple[S
     )
     points = positions[:, joints] + quat.rotate(rotations[:, joints], offsets)
     return longer, np.concatenate([positions, points], axis=1)
-
-
-def _seen(film: tuple, view: str) -> Array:
-    return np.stack([strips.project(pose, yaw, view)[1:] for pose, yaw in zip(film[1], film[2], strict=True)])
-
-
-def _width(film: tuple, view: str) -> float:
-    return float(np.ptp(_seen(film, view)[..., 0], axis=1).max())
-
-
-def _depth(film: tuple, view: str) -> float:
-    return 2 * float(np.abs(_seen(film, view)[..., 1]).max())
 
 
 PANELS = (
@@ -190,8 +169,9 @@ def curves_figure(likeness: Likeness, move: str) -> Any:
     both = [cycle_curves(side, move) for side in (likeness.a, likeness.b)]
     if any(len(next(iter(found.values()), ())) < FEWEST for found in both):
         return None
-    picture = Figure(figsize=(15, 12), layout="constrained")
+    picture = Figure(figsize=(15, 12))
     grid = picture.subplots(4, 4, sharex=True)
+    picture.subplots_adjust(0.025, 0.045, 0.99, 0.93, wspace=0.13, hspace=0.16)
     percent = np.linspace(0, 100, POINTS)
     for axes, name in zip(grid.flat, PANELS, strict=True):
         for label, found, colour, shade in zip("AB", both, (A_COLOUR, B_COLOUR), (0.12, 0.28), strict=True):
@@ -204,14 +184,16 @@ def curves_figure(likeness: Likeness, move: str) -> Any:
         axes.axhline(0, color="#999999", linewidth=0.6, zorder=0)
         axes.grid(True, color="#dddddd", linewidth=0.5)
         axes.set_xlim(0, 100)
+        axes.set_xticks(range(0, 101, 20))
+        axes.locator_params(axis="y", nbins=5)
+        axes.tick_params(labelsize=8)
         for duty, colour in zip(_duties(likeness, move), (A_COLOUR, B_COLOUR), strict=True):
             axes.axvline(duty, color=colour, linewidth=0.9, linestyle=(0, (4, 3)))
     for axes in grid[-1]:
         axes.set_xlabel("% of the cycle, from strike to strike; dashed: toe-off", fontsize=9)
     handles, labels = grid.flat[0].get_legend_handles_labels()
-    unit = " m/s" if move[-1].isdigit() else ""
-    picture.suptitle(f"{move}{unit}     A: {likeness.a.name}     B: {likeness.b.name}", x=0.01, ha="left")
-    picture.legend(handles, labels, loc="outside upper right", ncols=2)
+    picture.suptitle(f"{unit(move)}     A: {likeness.a.name}     B: {likeness.b.name}", x=0.01, ha="left")
+    picture.legend(handles, labels, loc="upper right", ncols=2, frameon=False)
     return picture
 
 
@@ -230,22 +212,23 @@ def spectra_figure(likeness: Likeness, move: str) -> Any:
         return None
     part[["joint", "band"]] = part["measure"].str.extract(r"^(.*) (\S+) Hz$").to_numpy()
     joints = list(dict.fromkeys(part["joint"]))
-    picture = Figure(figsize=(15, 2.6 * -(-len(joints) // 5)), layout="constrained")
-    grid = np.atleast_1d(picture.subplots(-(-len(joints) // 5), 5, sharex=True, sharey=True))
+    rows = -(-len(joints) // 5)
+    picture = Figure(figsize=(15, 2.6 * rows + 0.4))
+    grid = np.atleast_1d(picture.subplots(rows, 5, sharex=True, sharey=True))
+    picture.subplots_adjust(0.045, 0.12 / rows, 0.995, 1 - 0.26 / rows, wspace=0.06, hspace=0.2)
     for axes in grid.flat[len(joints) :]:
         axes.set_axis_off()
     for axes, joint in zip(grid.flat, joints, strict=False):
-        rows = part[part["joint"] == joint]
-        at = np.arange(len(rows))
-        axes.fill_between(at, rows["b_low"], rows["b_high"], color=B_COLOUR, alpha=0.28, linewidth=0)
-        axes.plot(at, rows["b"], "o-", color=B_COLOUR, markersize=3, label="B, 10 to 90 %")
-        axes.plot(at, rows["a"], "o-", color=A_COLOUR, markersize=3, label="A, median")
+        bands = part[part["joint"] == joint]
+        at = np.arange(len(bands))
+        axes.fill_between(at, bands["b_low"], bands["b_high"], color=B_COLOUR, alpha=0.28, linewidth=0)
+        axes.plot(at, bands["b"], "o-", color=B_COLOUR, markersize=3, label="B, 10 to 90 %")
+        axes.plot(at, bands["a"], "o-", color=A_COLOUR, markersize=3, label="A, median")
         axes.set_yscale("log")
-        axes.set_xticks(at, rows["band"])
+        axes.set_xticks(at, bands["band"])
         axes.set_title(joint, fontsize=10, loc="left")
         axes.grid(True, color="#dddddd", linewidth=0.5)
     grid.flat[0].set_ylabel("m/s, rms")
-    unit = " m/s" if move[-1].isdigit() else ""
-    picture.suptitle(f"{move}{unit}: joint velocity by band, Hz", x=0.01, ha="left")
-    picture.legend(*grid.flat[0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
+    picture.suptitle(f"{unit(move)}: joint velocity by band, Hz", x=0.01, ha="left")
+    picture.legend(*grid.flat[0].get_legend_handles_labels(), loc="upper right", ncols=2, frameon=False)
     return picture
