@@ -273,7 +273,7 @@ def _flat(schema: Schema, clips: Sequence[Clip]) -> Skeleton:
 def _names(clips: Sequence[Clip]) -> list[str]:
     """Clip names; those that occur twice are told apart by their folders, or else numbered."""
     names = [clip.name for clip in clips]
-    folders = [clip.source.parts[-2::-1] if clip.source else () for clip in clips]
+    folders = [sources.folders_of(clip.source) if clip.source else () for clip in clips]
     for depth in range(3):
         twice = {name for name, count in Counter(names).items() if count > 1}
         for i, name in enumerate(names):

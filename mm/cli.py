@@ -70,7 +70,7 @@ OUTPUT = click.option(
 @click.option("--skip-bad", is_flag=True, help="Leave clips out that cannot be used, instead of failing.")
 @console.exclude_option
 def build(sources: tuple[str, ...], output: str, **options: Any) -> None:
-    """Build a database from clips (BVH, AMC) and folders.
+    """Build a database from clips (BVH, AMC, NPZ, glTF) and folders.
 
     \b
     A file of tags, for clips by name and for frames of them as read:

@@ -140,3 +140,23 @@ def sort_topologically(parents: Iterable[int]) -> NDArray[np.int64]:
         order.append(j)
         stack.extend(children.get(j, [])[::-1])
     return np.array(order, np.int64)
+
+
+def distinct(names: Sequence[str]) -> tuple[str, ...]:
+    """The names with a number behind those that another has before them."""
+    if len(set(names)) == len(names):
+        return tuple(names)
+    taken, out = set(names), []
+    seen: dict[str, int] = {}
+    for name in names:
+        found = name
+        if name in seen:
+            number = seen[name] + 1
+            while (found := f"{name} {number}") in taken:
+                number += 1
+            seen[name] = number
+            taken.add(found)
+        else:
+            seen[name] = 1
+        out.append(found)
+    return tuple(out)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
 
-from . import asfamc, bvh, kinematics, units
+from . import asfamc, bvh, gltf, kinematics, units
 from . import roles as role_guess
 from .clip import Clip
 from .errors import UserError
@@ -18,20 +19,80 @@ from .files import kind
 
 @dataclass(frozen=True)
 class Format:
-    """How to read a format; knows_unit says whether clips come in metres or in the file's unknown unit."""
+    """How to read a format.
 
-    read: Callable[[Path], Clip]
+    Attributes
+    ----------
+    read : the clip of a file; where files hold several animations, of one of them by its label.
+    knows_unit : whether clips come in metres or in the file's unknown unit.
+    animations : the labels of a file's animations, for formats whose files may hold several.
+    """
+
+    read: Callable[..., Clip]
     knows_unit: bool
+    animations: Callable[[Path], list[str]] | None = None
 
 
 FORMATS: dict[str, Format] = {
     ".bvh": Format(bvh.read, knows_unit=False),
     ".amc": Format(asfamc.read, knows_unit=True),
+    ".gltf": Format(gltf.read, knows_unit=True, animations=gltf.animations),
+    ".glb": Format(gltf.read, knows_unit=True, animations=gltf.animations),
 }
+_SEVERAL = "|".join(re.escape(suffix) for suffix, form in FORMATS.items() if form.animations)
+_ADDRESS = re.compile(rf"(.*?(?:{_SEVERAL}))#(.+)", re.IGNORECASE | re.DOTALL)
 
 
 def _choices() -> str:
     return f"the formats are {', '.join(sorted(FORMATS))}"
+
+
+def split(path: str | os.PathLike[str]) -> tuple[Path, str | None]:
+    """A clip's file, and its animation where the path names one behind ``#``, as ``hero.glb#Walk`` does."""
+    address = _ADDRESS.fullmatch(os.fspath(path))
+    return (Path(path), None) if address is None else (Path(address[1]), address[2])
+
+
+def name_of(path: str | os.PathLike[str]) -> str:
+    """The name of a clip by its path: the animation's, or else the file's stem."""
+    file, animation = split(path)
+    return animation or file.stem
+
+
+def folders_of(path: str | os.PathLike[str]) -> tuple[str, ...]:
+    """What tells clips of one name apart: the folders they lie in, nearest first; animations, their file."""
+    file, animation = split(path)
+    return (file.stem,) * (animation is not None) + file.parts[-2::-1]
+
+
+def load_all(
+    path: str | os.PathLike[str],
+    *,
+    fps: float | None = None,
+    unit_to_m: float | None = None,
+    roles: Mapping[str, int] | None = None,
+) -> list[Clip]:
+    """All clips of a motion file, each as `load` gives it: one, or every animation of a glTF file."""
+    paths = clips_of(path, strict=True)
+    return [load(one, fps=fps, unit_to_m=unit_to_m, roles=roles) for one in paths]
+
+
+def clips_of(path: str | os.PathLike[str], *, strict: bool = False) -> list[Path]:
+    """The paths of a file's clips: its own, or one an animation where it holds several (``hero.glb#Walk``).
+
+    A file that cannot be read is a UserError when strict, else its own path stands for it.
+    """
+    file, animation = split(path)
+    form = FORMATS.get(file.suffix.lower())
+    if form is None or form.animations is None or animation is not None:
+        return [Path(path)]
+    try:
+        labels = form.animations(file)
+    except UserError:
+        if strict:
+            raise
+        return [file]
+    return [Path(f"{file}#{label}") for label in labels] if len(labels) > 1 else [file]
 
 
 def load(
@@ -43,9 +104,10 @@ def load(
 ) -> Clip:
     """Read a motion file of any supported format: in metres, roles set, rotations unrolled.
 
-    fps replaces the file's frame rate, unit_to_m the unit found, roles the roles guessed.
+    Of a glTF file with several animations one is named behind ``#``: ``hero.glb#Walk``. fps replaces the
+    file's frame rate, unit_to_m the unit found, roles the roles guessed.
     """
-    path = Path(path)
+    path, animation = split(path)
     if kind(path) is None:
         raise UserError("no such file", path=path, remedy="check the path")
     form = FORMATS.get(path.suffix.lower())
@@ -54,7 +116,7 @@ def load(
     for name, value in (("fps", fps), ("unit_to_m", unit_to_m)):
         if value is not None and not 0 < value < math.inf:
             raise UserError(f"{name} is {value}", path=path, remedy="give a positive number")
-    clip = form.read(path)
+    clip = form.read(path) if animation is None else form.read(path, animation)
     middle = len(clip) // 2
     if roles is None:
         pose, _ = kinematics.forward(clip.skeleton, clip.positions[middle], clip.rotations[middle])
@@ -71,19 +133,21 @@ def load(
 def find(
     sources: Iterable[str | os.PathLike[str]] | str | os.PathLike[str], *, exclude: Sequence[str] = ()
 ) -> list[Path]:
-    """Motion files that sources (files and folders, searched to any depth) name, sorted, each once.
+    """Clips of motion files that sources (files and folders, searched to any depth) name, sorted, each once.
 
-    Those whose stem, or path from the source on, matches one of the shell patterns in exclude are left out.
-    A missing path, a folder without clips, a file of another format, or a pattern that matches nothing is a
-    UserError. Hidden files and folders inside a source are passed over.
+    A file with several animations is named once for each, see `clips_of`. Those whose name, or path from the
+    source on, matches one of the shell patterns in exclude are left out. A missing path, a folder
+    without clips, a file of another format, or a pattern that matches nothing is a UserError. Hidden files
+    and folders inside a source are passed over.
     """
     if isinstance(sources, (str, os.PathLike)):
         sources = [sources]
     roots = list(map(Path, sources))
     found: dict[str, Path] = {}
     for source in roots:
-        what = kind(source)
-        if what == "folder":
+        file, animation = split(source)
+        what = kind(file)
+        if what == "folder" and animation is None:
             files = [
                 Path(folder, name)
                 for folder, subfolders, names in os.walk(source, onerror=_unreadable)
@@ -94,15 +158,16 @@ def find(
             if not files:
                 raise UserError("no clips in this folder", path=source, remedy=_choices())
         elif what == "file":
-            if source.suffix.lower() not in FORMATS:
+            if file.suffix.lower() not in FORMATS:
                 raise UserError("not a motion file", path=source, remedy=_choices())
             files = [source]
-        elif what == "other":
+        elif what is not None:
             raise UserError("not a regular file", path=source, remedy=_choices())
         else:
             raise UserError("no such file or folder", path=source, remedy="check the path")
         for file in files:
-            found.setdefault(os.path.realpath(file), file)
+            for clip in clips_of(file):
+                found.setdefault(os.path.realpath(clip), clip)
     if not found:
         raise UserError("no sources given", remedy="name motion files or folders")
     return _without(sorted(found.values()), roots, exclude)
@@ -110,12 +175,12 @@ def find(
 
 def _without(files: list[Path], sources: list[Path], patterns: Sequence[str]) -> list[Path]:
     names = {
-        file: {file.stem, *(file.relative_to(s).as_posix() for s in sources if file.is_relative_to(s))}
+        file: {name_of(file), *(file.relative_to(s).as_posix() for s in sources if file.is_relative_to(s))}
         for file in files
     }
     for pattern in patterns:
         if not any(fnmatchcase(name, pattern) for known in names.values() for name in known):
-            some = ", ".join(file.stem for file in files[:5]) + ", ..." * (len(files) > 5)
+            some = ", ".join(name_of(file) for file in files[:5]) + ", ..." * (len(files) > 5)
             raise UserError(f"no clip to exclude is named like {pattern!r}", remedy=f"the clips are {some}")
     kept = [f for f in files if not any(fnmatchcase(name, p) for name in names[f] for p in patterns)]
     if not kept:
@@ -125,7 +190,7 @@ def _without(files: list[Path], sources: list[Path], patterns: Sequence[str]) ->
 
 def inputs(sources: Iterable[str | os.PathLike[str]] | str | os.PathLike[str]) -> list[Path]:
     """All files that may be read for the sources, skeletons beside AMC files too: nothing to write over."""
-    found = find(sources)
+    found = sorted({split(path)[0] for path in find(sources)})
     folders = dict.fromkeys(file.parent for file in found if file.suffix.lower() == ".amc")
     return [*found, *(file for folder in folders for file in sorted(folder.glob("*.[aA][sS][fF]")))]
 

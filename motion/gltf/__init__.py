@@ -1,0 +1,9 @@
+"""Animations of glTF 2.0 files, ``.gltf`` and ``.glb`` (Khronos Group, "glTF 2.0 Specification", 2.0.1).
+
+A file's nodes become a skeleton, each of its animations a clip. The format is right-handed, Y up, +Z forward
+and in metres, as ours is. The nodes' own poses, as the file gives them, are the rest pose.
+"""
+
+from .clips import animations, read, read_all
+
+__all__ = ["animations", "read", "read_all"]
