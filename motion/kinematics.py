@@ -123,12 +123,17 @@ def velocities(positions: Array, fps: float) -> Array:
 
 def angular_velocities(rotations: Array, fps: float) -> Array:
     """Angular velocity [T, ..., 3] (rad/s, in the parent's frame) of rotations [T, ..., 4]."""
+    return _central(rotation_steps(rotations), fps)[: len(rotations)]
+
+
+def rotation_steps(rotations: Array) -> Array:
+    """Turns [T-1, ..., 3] between rotations [T, ..., 4] of frames: scaled axes in the parent's frame."""
     steps = np.empty((max(len(rotations) - 1, 0), *rotations.shape[1:-1], 3), rotations.dtype)
     joints = rotations[0, ..., 0].size if len(rotations) else 1
     kernels.rotation_steps(
         np.ascontiguousarray(rotations).reshape(-1, joints, 4), steps.reshape(-1, joints, 3)
     )
-    return _central(steps, fps)[: len(rotations)]
+    return steps
 
 
 def angular_velocities_numpy(rotations: Array, fps: float) -> Array:

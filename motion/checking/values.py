@@ -1,0 +1,41 @@
+"""Values that are no numbers, or of no size."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..clip import Clip
+from .finding import Finding, some, spans
+
+LARGEST = 1e5  # metres from the origin; beyond it a float32 database tells no millimetres apart
+
+
+def unusable(clip: Clip) -> NDArray:
+    """Frames [T] with a value that is not finite, a position beyond `LARGEST` or a rotation of length 0."""
+    return np.any(_joints(clip), axis=1)
+
+
+def findings(clip: Clip) -> list[Finding]:
+    """Frames that are not finite."""
+    bad = _joints(clip)
+    found = []
+    for start, stop in spans(np.any(bad, axis=1)):
+        names = [clip.skeleton.names[j] for j in np.flatnonzero(bad[start:stop].any(axis=0))]
+        what = f"values of {some(names)} are not finite or beyond {LARGEST:g} m"
+        found.append(Finding("not finite", start, stop, what, fatal=True))
+    return found
+
+
+def filled(clip: Clip, bad: NDArray[np.bool_]) -> Clip:
+    """The clip with the last good frame, or else the first, in place of the bad ones [T], not all."""
+    good = np.flatnonzero(~bad)
+    source = good[np.maximum(np.searchsorted(good, np.arange(len(bad)), side="right") - 1, 0)]
+    return clip.replace(positions=clip.positions[source], rotations=clip.rotations[source])
+
+
+def _joints(clip: Clip) -> NDArray:
+    with np.errstate(invalid="ignore", over="ignore"):
+        positions = np.abs(clip.positions).max(axis=-1) < LARGEST
+        rotations = np.abs((clip.rotations**2).sum(axis=-1) - 1) < 0.1
+    return np.asarray(~(positions & rotations))
