@@ -191,7 +191,7 @@ def _attempt(
             with open(part, "r+b" if start else "wb") as stream:
                 stream.seek(start)
                 stream.truncate()
-                _copy(answer, stream, start, known.total, label)
+                _copy(answer, stream, start, known.total, label, part.parent)
                 os.fsync(stream.fileno())
         except OSError as error:
             if error.errno in (errno.ENOSPC, errno.EDQUOT):
@@ -290,8 +290,9 @@ def _accept(answer: Any, have: int, known: _Part, size: int | None) -> int:
     return start
 
 
-def _copy(answer: Any, stream: IO[bytes], start: int, total: int | None, label: str) -> None:
-    done = start
+def _copy(answer: Any, stream: IO[bytes], start: int, total: int | None, label: str, folder: Path) -> None:
+    """The answer's body into the stream; no more than is expected, nor than the folder's disk takes."""
+    done = looked = start
     with meter.meter(label, total, start) as report:
         while True:
             try:
@@ -305,6 +306,11 @@ def _copy(answer: Any, stream: IO[bytes], start: int, total: int | None, label: 
             stream.write(block)
             done += len(block)
             report(done)
+            if total is not None and done > total:
+                return
+            if done - looked >= SPARE:  # of what announces no length the end cannot be foreseen
+                looked = done
+                check_room(folder, 0)
 
 
 def _said(error: BaseException | str) -> str:

@@ -12,7 +12,7 @@ from pathlib import Path
 from .. import config, files
 from ..errors import UserError
 from . import download
-from .registry import LOCK, WORK
+from .registry import LOCK, WORK, check_path
 
 VERSION = 1
 _REMOVE = "move the folder away to fetch it anew"
@@ -47,6 +47,10 @@ class Lock:
     files: dict[str, Held] = field(default_factory=dict)
     missing: list[str] = field(default_factory=list)  # addresses that the server does not have
     version: int = VERSION
+
+    def __post_init__(self) -> None:
+        for path in self.files:
+            check_path(path, ("files", path))
 
 
 def read(folder: Path, name: str) -> Lock:

@@ -53,9 +53,9 @@ class File:
     def __post_init__(self) -> None:
         config.validate(self)
         _check_address(self.address, "address")
-        _check_path(self.into, "into")
+        check_path(self.into, "into")
         if self.strip:
-            _check_path(self.strip, "strip")
+            check_path(self.strip, "strip")
         if self.size is not None and self.size < 1:
             raise ConfigError("size", "expected a number of bytes, at least 1")
         for name, digits in (("sha256", 64), ("md5", 32)):
@@ -93,7 +93,7 @@ class Series:
 
     def __post_init__(self) -> None:
         config.validate(self)
-        _check_path(self.into, "into")
+        check_path(self.into, "into")
         for part, text in self.takes.items():
             if not re.fullmatch(r"\w+", part):
                 raise ConfigError(("takes", part), "expected a name of letters and digits")
@@ -242,8 +242,8 @@ def _check_address(address: str, key: str) -> None:
         raise ConfigError(key, f"{config.shown(address)} is no address", remedy="give one with https://")
 
 
-def _check_path(text: str, key: str) -> None:
-    """A ConfigError unless text is a plain relative path."""
+def check_path(text: str, key: str | config.Key) -> None:
+    """A ConfigError unless text is a plain relative path, and not one that a set's folder needs itself."""
     path = PurePosixPath(text)
     strange = path.is_absolute() or not path.parts or ".." in path.parts or re.search(r"[\\:\x00-\x1f]", text)
     if strange or path.parts[0].casefold() in RESERVED:

@@ -204,7 +204,7 @@ def _members(archive: Path, kind: str, limits: Limits) -> Iterator[Iterable[_Mem
         return
     most = limits.bytes_of(archive.stat().st_size)
     with gzip.open(archive) as plain:
-        reader = _Reader(plain, most)
+        reader = _Reader(plain, HEADERS)
         # As a stream: members come in the order of the file, and nothing is sought or read twice.
         with tarfile.open(fileobj=reader, mode="r|") as tar:  # type: ignore[call-overload]
             yield _tarred(tar, reader, most)
@@ -221,7 +221,6 @@ def _zipped(opened: zipfile.ZipFile, info: zipfile.ZipInfo) -> _Member:
 
 
 def _tarred(tar: tarfile.TarFile, reader: _Reader, most: int) -> Iterator[_Member]:
-    reader.limit = HEADERS
     for info in tar:
         end = info.offset_data + info.size
         reader.limit = min(end + HEADERS, most + 2 * HEADERS)
@@ -229,6 +228,8 @@ def _tarred(tar: tarfile.TarFile, reader: _Reader, most: int) -> Iterator[_Membe
             raise _too_large(most)
         plain = info.isreg() and not info.issparse()
         yield _Member(info.name, info.isdir(), plain, info.size, functools.partial(_file, tar, info))
+    while reader.read(CHUNK):  # the checksum stands at the end
+        pass
 
 
 def _file(tar: tarfile.TarFile, info: tarfile.TarInfo) -> IO[bytes]:
