@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -259,9 +260,7 @@ def likeness(
 
     folder = None if output is None else Path(output)
     if folder is not None:
-        if files.kind(folder) not in (None, "folder"):
-            raise UserError("cannot write: it is a file", path=folder, remedy="name a folder")
-        files.check_output(folder / "index.html")
+        _check_outputs(folder, ("index.html", "table.csv", "summary.csv"))
     result = comparing.compare([a], [b], exclude=exclude, only=only, note=_note, progress=console.progress)
     if as_json:
         console.print_json(page.to_json(result))
@@ -274,6 +273,67 @@ def likeness(
     if folder is not None:
         command = shlex.join(["python", "-m", "bench", *sys.argv[1:]])
         for path in page.save(result, folder, command=command, progress=console.progress)[-3:]:
+            print(f"wrote {path}", file=sys.stderr)
+
+
+@main.command(epilog="Example: python -m bench coverage walk.mmdb --courses thesis,circle -o out/coverage")
+@click.argument("sources", nargs=-1, required=True, type=click.Path())
+@click.option(
+    "--courses", type=Listed(), metavar="A,B", help="Names or TOML files.  [default: those of compare]"
+)
+@click.option(
+    "--seconds", type=console.SECONDS, default=60.0, show_default=True, help="Of each course, at most."
+)
+@click.option(
+    "--scale/--no-scale", default=True, show_default=True, help="Bring course speeds to the data's."
+)
+@click.option(
+    "--few", type=click.IntRange(1, 10_000), default=30, show_default=True, help="Frames that are a choice."
+)
+@click.option("--worst", type=click.IntRange(0), default=20, show_default=True, help="Holes to print.")
+@click.option("-o", "--output", type=click.Path(), metavar="DIR", help="Write heat maps and tables there.")
+@_build_options
+@console.json_option
+def coverage(
+    sources: tuple[str, ...],
+    courses: tuple[str, ...] | None,
+    seconds: float,
+    scale: bool,
+    few: int,
+    worst: int,
+    output: str | None,
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """What of the speeds, directions and turn rates that courses ask for the data has.
+
+    SOURCES are clips and folders, or one database. An object that obeys through the controller's springs goes
+    over the courses; covered is what it does that the data has within 0.25 m/s, 22.5 degrees and 30 degrees a
+    second. With -o the folder gets coverage.png (heat maps), holes.csv and courses.csv.
+    """
+    from mm import course as known_courses
+
+    from . import compare as comparing
+    from . import coverage as covering
+
+    folder = None if output is None else Path(output)
+    if folder is not None:
+        _check_outputs(folder, covering.FILES)
+    loaded = [known_courses.load(name) for name in courses or comparing.COURSES]
+    database, name = open_database(sources, None, options)
+    found = covering.measure(database, loaded, seconds=seconds, scale=scale, few=few)
+    if as_json:
+        console.print_json(covering.to_json(found))
+    else:
+        console.print_table(found.by_course(), title=f"{name}: what the courses ask, and the data has")
+        holes = found.holes(worst)
+        if holes:
+            print()
+            console.print_table(holes, title="Asked, but not there; distance 1 is the bound")
+        for line in found.notes():
+            print(f"note: {line}")
+    if folder is not None:
+        for path in covering.save(found, folder, name):
             print(f"wrote {path}", file=sys.stderr)
 
 
@@ -294,6 +354,14 @@ def open_database(
         database.save(output)
         return _load(str(output)), names
     return database, names
+
+
+def _check_outputs(folder: Path, names: Iterable[str]) -> None:
+    """A UserError unless files of these names can be written into a folder."""
+    if files.kind(folder) not in (None, "folder"):
+        raise UserError("cannot write: it is a file", path=folder, remedy="name a folder")
+    for name in names:
+        files.check_output(folder / name)
 
 
 def _check_folder(folder: Path, sources: tuple[str, ...], options: dict[str, Any]) -> None:
