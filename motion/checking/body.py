@@ -17,6 +17,21 @@ JOINED = 0.1  # seconds; events closer than this are one
 STILL = 0.4  # m/s of a person's foot; what is slower may carry the body. Captured soles slide at 0.1 to 0.3
 FLOOR_SHARE = 10  # per cent of what stands that may stand lower than the ground (steps, pits, noise)
 
+# Shares of the body's mass by joint, each segment's shared by its two ends (D. A. Winter, Biomechanics and
+# Motor Control of Human Movement, table 4.1; the trunk's 0.497 by hips and chest).
+MASS = {"hips": 0.25, "chest": 0.25, "head": 0.081} | {
+    f"{side}_{part}": share
+    for side in roles.SIDES
+    for part, share in {
+        "up_leg": 0.057,
+        "leg": 0.063,
+        "foot": 0.035,
+        "arm": 0.016,
+        "forearm": 0.020,
+        "hand": 0.014,
+    }.items()
+}
+
 
 class Body:
     """A clip with finite values, measured once for all detectors.
@@ -74,6 +89,17 @@ class Body:
     def on_all_fours(self) -> bool:
         step = max(1, len(self) // 100)
         return roles.on_all_fours(self.skeleton, self.world[::step])
+
+    @functools.cached_property
+    def centre(self) -> NDArray:
+        """World positions [T, 3] of the centre of mass, a person's; the mean of what has a role otherwise."""
+        joints = self.joints(MASS)
+        if joints and not self.on_all_fours:
+            shares = np.array(list(MASS.values()))
+        else:
+            joints = sorted(set(self.roles.values())) or [0]
+            shares = np.ones(len(joints))
+        return np.einsum("tjx,j->tx", self.world[:, joints], shares / shares.sum())
 
     @functools.cached_property
     def soles(self) -> NDArray:

@@ -16,14 +16,16 @@ UNDER = 0.25  # of the legs' length under the ground: softer ground or steps dow
 ABOVE = 0.15  # of the legs' length over the ground: higher than toes drag
 LONGEST_FLIGHT = 1.0  # seconds; a flight of T rises by g T²/8: 1.2 m, the height of records
 SHORTEST = 0.25  # seconds; below it the acceleration is too uncertain to be told from falling
-FALLING = 0.3  # of gravity, downwards: what falls less is held by something
+FALLING = 0.2  # of gravity, downwards: what falls less is held by something
 
 
 def findings(body: Body) -> list[Finding]:
     """A ground that is not at 0, soles below the ground, and floating."""
     if len(body) < 2 or not body.soles.size:
         return []
-    return _level(body) + _under(body) + _floating(body)
+    level = _level(body)
+    # A ground that cannot be right tells nothing about what is above it.
+    return level + _under(body) + ([] if level else _floating(body))
 
 
 def _level(body: Body) -> list[Finding]:
@@ -45,20 +47,22 @@ def _under(body: Body) -> list[Finding]:
 
 
 def _floating(body: Body) -> list[Finding]:
-    high = body.world[..., 1].min(axis=1) - body.ground > ABOVE * body.leg
+    points = np.concatenate([body.world, body.soles], axis=1)
+    heights = points[..., 1].min(axis=1) - body.ground
+    high = heights > ABOVE * body.leg
     if not high.any():
         return []
-    moving = slower_of_steps(body.world, body.fps).min(axis=1) > STILL * np.sqrt(body.scale)
+    moving = slower_of_steps(points, body.fps).min(axis=1) > STILL * np.sqrt(body.scale)
     found = []
     for start, stop in spans(high & moving):
         seconds = body.seconds(start, stop)
         if seconds < SHORTEST or stop - start < 4:
             continue
-        height = body.world[start:stop, :, 1].mean(axis=1)
+        height = body.centre[start:stop, 1]
         times = np.arange(stop - start) / body.fps
         falls = -2 * np.polyfit(times - times.mean(), height, 2)[0]
         if seconds > LONGEST_FLIGHT * max(1.0, np.sqrt(body.scale)) or falls < FALLING * GRAVITY:
-            least = (body.world[start:stop, :, 1].min(axis=1) - body.ground).min()
-            what = f"floats {least:.2f} m above the ground for {seconds:.2f} s, falling with {falls:.1f} m/s²"
+            least = f"floats {heights[start:stop].min():.2f} m or more above the ground"
+            what = f"{least} for {seconds:.2f} s, falling with {falls:.1f} m/s²"
             found.append(Finding("floating", start, stop, what, fatal=True))
     return found
