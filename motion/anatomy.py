@@ -25,7 +25,7 @@ from .errors import UserError
 from .roles import ARM, LEG, SIDES, on_all_fours
 from .skeleton import Skeleton, listed
 
-Array = NDArray[np.float64]
+Array = NDArray[np.floating]
 
 UP = np.array([0.0, 1.0, 0.0])
 TORSO = ("hips", "chest", "neck", "head")
@@ -36,7 +36,7 @@ _ALONG = np.radians(3)  # a bone this near to an axis lies along it
 _STEEP = 0.8  # cosine to the vertical above which a bone on the ground points nowhere
 _SAMPLE = 2000  # frames of all clips together: only means are taken of them
 _FEW = 3  # frames on flat feet that tell how feet lie
-_SLOPE = 0.5  # sine of the angle by which a foot's joint looks down on its toe, where no frame tells
+_SLOPE = 0.45  # sine of the angle by which a foot's joint looks down on its toe, where no frame tells
 _SHORT = 1e-3  # metres below which a bone has no direction
 
 
@@ -151,6 +151,7 @@ class _Finder:
         self.frames = quat.identity(len(skeleton))
         self.known = np.zeros(len(skeleton), bool)
         roles = skeleton.roles
+        self.slope = _SLOPE
         self.left = self._across("up_leg")
         arms = all(f"{side}_arm" in roles for side in SIDES)
         self.left_of_arms = self._across("arm") if arms else self.left
@@ -158,8 +159,10 @@ class _Finder:
 
     def anatomy(self, rest: Array, sole: float) -> Anatomy:
         self._torso()
-        for s, side in enumerate(SIDES):
-            self._leg(side, self.flat[:, s])
+        # First the side that shows best how feet lie.
+        for s in np.argsort(-self.flat.sum(axis=0), kind="stable"):
+            self._leg(SIDES[s], self.flat[:, s])
+        for side in SIDES:
             self._arm(side)
         self._root()
         rest = rest.copy()
@@ -227,17 +230,19 @@ class _Finder:
             self._set(joint, bone, self._facing(joint, bone, ahead))
         foot = joints[2]
         tip = _tip(self.skeleton, self.bones, side)
-        if flat.sum() >= _FEW or tip is None:
-            flat = flat if flat.sum() >= _FEW else np.ones(len(flat), bool)
+        shown = flat.sum() >= _FEW or not self.moving
+        if shown or tip is None:
+            flat = flat if shown else np.ones(len(flat), bool)
             up, ahead_here = self._seen(foot, UP, flat), self._seen(foot, self.forward, flat)
             if tip is not None and abs(_unit(tip) @ up) < _STEEP:
                 ahead_here = _unit(tip)
+                self.slope = float(-_unit(tip) @ up)
         else:
             # Who runs on the toes never shows a flat foot: then it slopes as feet do.
             flat = np.ones(len(flat), bool)
             left = self._snapped(self._seen(foot, self.left), _unit(tip))
             left = _unit(left - _unit(tip) * (left @ _unit(tip)))
-            slope = quat.from_axis_angle(left, -np.arcsin(_SLOPE))
+            slope = quat.from_axis_angle(left, -np.arcsin(self.slope))
             ahead_here = quat.rotate(slope, _unit(tip))
             up = np.cross(ahead_here, left)
         self._set(foot, up, ahead_here)

@@ -1,7 +1,8 @@
 """Feet that stand still: a whole clip's touching points held where they rest, by two-bone inverse kinematics.
 
 A foot in contact stays at one place of the ground, to which it blends from its free path before and after
-with the path's own velocity. Where a leg would have to stretch for that, the hips come down a little, smoothly.
+with the path's own velocity. Where a leg would have to stretch for that, the hips come down a little,
+smoothly.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from . import contacts, foot_lock_numpy, kinematics, quat
 from .foot_lock import SOFT_REACH
 from .skeleton import Skeleton
 
-Array = NDArray[np.float64]
+Array = NDArray[np.floating]
 
 BLEND = 0.15  # seconds in which a foot comes to its place, and leaves it
 SINK = 0.12  # seconds before and after a stretched leg in which the hips come down and up again

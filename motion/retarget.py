@@ -28,7 +28,7 @@ from .errors import UserError
 from .roles import ARM, LEG
 from .skeleton import Skeleton
 
-Array = NDArray[np.float64]
+Array = NDArray[np.floating]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -184,7 +184,7 @@ def _place_carrier(mapping: Plan, positions: Array, turned: Array, pelvis: Array
     if above:
         chain = Skeleton(
             tuple(skeleton.names[j] for j in above),
-            np.arange(-1, len(above) - 1),
+            np.arange(-1, len(above) - 1, dtype=np.int32),
             mapping.target.bones[above],
         )
         local = positions[:, above], _locals(turned[:, above])
@@ -345,8 +345,8 @@ def _spread_torso(source: Anatomy, target: Anatomy, entries: dict) -> None:
             shares = [(s, min(end, b) - max(begin, a)) for s, a, b in theirs]
             chosen = [(s, share) for s, share in shares if share > 1e-6]
             if not chosen or end - begin < 1e-6:
-                chosen = [([s for s, a, _ in theirs if a <= middle + 1e-9] or [theirs[0][0]])[-1:]]
-                chosen = [(chosen[0][0], 1.0)]
+                nearest = [s for s, a, _ in theirs if a <= middle + 1e-9] or [theirs[0][0]]
+                chosen = [(nearest[-1], 1.0)]
             total = sum(share for _, share in chosen)
             entries[t] = [(s, share / total, _turn(source, s, target, t)) for s, share in chosen]
 
