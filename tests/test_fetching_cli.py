@@ -15,6 +15,7 @@ import tomli_w
 from faulty_server import Server, serving
 
 from motion import cli
+from motion.errors import UserError
 from motion.fetching import cli as commands
 from motion.fetching import download, fetch, lock
 from motion.fetching.download import Patience
@@ -296,7 +297,8 @@ def test_a_cut_download_is_continued_by_the_same_command(run, studio, server, tm
     server.files["/walks.zip"].cuts = [100, 0, 0]
     code, _, err = run("walks", "--registry", studio, "--yes")
     assert code == 2 and err.splitlines()[-1].count("error: ") == 1 and "give the same command again" in err
-    assert (tmp_path / "data/walks/.fetching/walks.zip.part").stat().st_size == 100
+    (part,) = (tmp_path / "data/walks/.fetching").glob("*-walks.zip.part")
+    assert part.stat().st_size == 100
     server.files["/walks.zip"].cuts = []
     server.asked.clear()
     assert run("walks", "--registry", studio)[0] == 0
@@ -312,12 +314,9 @@ def test_an_interrupt_leaves_the_part_and_exits_with_130(run, studio, tmp_path, 
     monkeypatch.setattr(download, "_copy", stop)
     code, _, err = run("walks", "--registry", studio, "--yes")
     assert code == 130 and err.splitlines()[-1].startswith("error: interrupted")
-    assert set(contents(tmp_path / "data/walks")) == {
-        "fetched.json",
-        ".fetching/lock",
-        ".fetching/walks.zip.part",
-        ".fetching/walks.zip.part.json",
-    }
+    assert "what arrived is kept" in err
+    found = sorted(path.partition("-")[2] or path for path in contents(tmp_path / "data/walks"))
+    assert found == [".fetching/lock", "fetched.json", "walks.zip.part", "walks.zip.part.json"]
 
 
 def test_a_hostile_archive_leaves_nothing(run, studio, server, tmp_path):
@@ -327,7 +326,31 @@ def test_a_hostile_archive_leaves_nothing(run, studio, server, tmp_path):
     edited(studio, f"size = {len(WALKS)}", f"size = {len(evil)}")
     code, _, err = run("walks", "--registry", studio, "--yes")
     assert code == 2 and "leads out of the folder" in err
-    assert not list(tmp_path.rglob("evil*")) and not (tmp_path / "data/walks/bvh").exists()
+    assert not list(tmp_path.rglob("evil*")) and set(contents(tmp_path / "data/walks")) == {"fetched.json"}
+
+
+def test_an_archive_that_found_no_room_is_not_downloaded_again(run, studio, server, tmp_path, monkeypatch):
+    def full(*args, **options):
+        raise UserError("the disk is full", path=tmp_path)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(fetch.unpack, "unpack", full)
+        assert run("walks", "--registry", studio, "--yes")[0] == 2
+    (tmp_path / "data/walks/.fetching/.unpacked.left").mkdir()
+    server.asked.clear()
+    assert run("walks", "--registry", studio)[0] == 0
+    assert [path for path, _ in server.asked] == ["/terms.txt"]
+    assert not (tmp_path / "data/walks/.fetching").exists()
+
+
+def test_an_archive_that_turns_bad_leaves_what_was_there(run, studio, server, tmp_path):
+    run("walks", "--registry", studio, "--yes")
+    evil = zipped({"../evil.bvh": b"evil"})
+    server.put("/walks.zip", evil)
+    edited(studio, hashlib.sha256(WALKS).hexdigest(), hashlib.sha256(evil).hexdigest())
+    edited(studio, f"size = {len(WALKS)}", f"size = {len(evil)}")
+    assert "leads out of the folder" in run("walks", "--registry", studio)[2]
+    assert (tmp_path / "data/walks/bvh/walk.bvh").read_bytes() == b"walk"
 
 
 def test_two_fetches_into_one_folder(run, studio, tmp_path):

@@ -333,6 +333,17 @@ def test_the_proxy_of_the_environment_is_used(server, tmp_path, monkeypatch):
     assert (tmp_path / "a.zip").read_bytes() == CONTENT
 
 
+def test_a_proxy_that_nobody_answers_at_is_named(tmp_path, monkeypatch):
+    with socket.create_server(("127.0.0.1", 0)) as unused:
+        proxy = f"127.0.0.1:{unused.getsockname()[1]}"
+    monkeypatch.setenv("http_proxy", f"http://user:secret@{proxy}")
+    with pytest.raises(
+        UserError, match=f"example.org by the proxy {proxy}: the connection was refused"
+    ) as fault:
+        download.download("http://example.org/a.zip", tmp_path / "a.zip", patience=HASTY)
+    assert "secret" not in str(fault.value)
+
+
 def test_a_full_disk_is_said_before_the_download(server, tmp_path, monkeypatch):
     server.put("/a.zip", CONTENT)
     usage = shutil.disk_usage(tmp_path)

@@ -6,6 +6,7 @@ import contextlib
 import gzip
 import hashlib
 import io
+import shutil
 import stat
 import tarfile
 import zipfile
@@ -67,7 +68,7 @@ def test_only_what_the_patterns_say_is_kept_below_the_folder_to_strip(tmp_path, 
     archive = pack(tmp_path / "a", kind, FILES)
     unpack.unpack(archive, tmp_path / "out", kind, strip="set", keep=["*.bvh"])
     assert set(contents(tmp_path / "out")) == {"walk/1.bvh", "walk/2.BVH"}
-    refused(archive, tmp_path, kind, "holds none of the files to take", keep=["*.amc"], work=tmp_path)
+    refused(archive, tmp_path, kind, "holds none of the files to take", keep=["*.amc"])
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -268,6 +269,14 @@ def test_a_flipped_bit_is_found(tmp_path, kind):
     data[len(data) // 2] ^= 16
     archive.write_bytes(data)
     refused(archive, tmp_path, kind, "damaged")
+
+
+def test_room_is_asked_for_before_a_zip_is_unpacked(tmp_path, monkeypatch):
+    archive = pack(tmp_path / "a", "zip", {"1.bvh": b"1" * 1_000_000, "film.avi": b"2" * 1_000_000})
+    usage = shutil.disk_usage(tmp_path)
+    monkeypatch.setattr(shutil, "disk_usage", lambda folder: usage._replace(free=(64 << 20) + 900_000))
+    with pytest.raises(UserError, match=r"the disk has 68 MB free, 68\.1 MB are needed"):
+        unpack.unpack(archive, tmp_path / "out", "zip", keep=["*.bvh"])
 
 
 def test_a_full_disk_leaves_nothing(tmp_path, monkeypatch):

@@ -55,7 +55,7 @@ def fetch(
     """
     from . import fetch as fetching
     from . import registry as registries
-    from .download import Patience
+    from .download import AGAIN, Patience
 
     known = registries.load(registry)
     if name is None:
@@ -72,15 +72,19 @@ def fetch(
     if elsewhere is not None and not Path(elsewhere).is_dir():
         raise UserError("no such folder", path=elsewhere, remedy="give the folder of the downloaded files")
     folder = Path(output) if output is not None else Path("data") / chosen.name
-    result = fetching.fetch(
-        chosen,
-        folder,
-        parts=parts,
-        accept=lambda: yes or _asked(),
-        elsewhere=None if elsewhere is None else Path(elsewhere),
-        thorough=verify,
-        patience=Patience(timeout=timeout),
-    )
+    try:
+        result = fetching.fetch(
+            chosen,
+            folder,
+            parts=parts,
+            accept=lambda: yes or _asked(),
+            elsewhere=None if elsewhere is None else Path(elsewhere),
+            thorough=verify,
+            patience=Patience(timeout=timeout),
+        )
+    except KeyboardInterrupt:
+        click.echo(AGAIN, err=True)
+        raise
     if as_json:
         console.print_json(_plain(chosen, result))
         return

@@ -218,7 +218,7 @@ def _open(address: str, have: int, validator: str | None, patience: Patience) ->
         if validator:
             request.add_header("If-Range", validator)
     opener = urllib.request.build_opener(_Redirects)
-    host = urllib.parse.urlsplit(address).hostname
+    host = _reached(address)
     try:
         return opener.open(request, timeout=patience.timeout)
     except urllib.error.HTTPError as error:
@@ -247,7 +247,7 @@ def _open(address: str, have: int, validator: str | None, patience: Patience) ->
                 f"{address} elsewhere and give its folder with --from",
             ) from None
         if isinstance(why, ConnectionRefusedError):
-            remedy = "try again later, or name a proxy in https_proxy"
+            remedy = "try again later, or correct the proxy in https_proxy"
             raise UserError(f"{host}: the connection was refused", remedy=remedy) from None
         if isinstance(why, OSError) and why.errno in (errno.ENETUNREACH, errno.EHOSTUNREACH):
             remedy = f"connect, or download {address} elsewhere and give its folder with --from"
@@ -262,6 +262,15 @@ def _open(address: str, have: int, validator: str | None, patience: Patience) ->
         raise _Cut(_said(error)) from None
     except ValueError as error:  # a redirect to no address
         raise UserError(f"{address}: {error}", remedy=_REPLACED) from None
+
+
+def _reached(address: str) -> str:
+    """The host of an address for a message, with the proxy that it is reached by."""
+    parts = urllib.parse.urlsplit(address)
+    proxy = urllib.request.getproxies().get(parts.scheme)
+    if proxy is None or urllib.request.proxy_bypass(parts.netloc):
+        return str(parts.hostname)
+    return f"{parts.hostname} by the proxy {proxy.rpartition('@')[2]}"
 
 
 def _accept(answer: Any, have: int, known: _Part, size: int | None) -> int:

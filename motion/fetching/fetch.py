@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import shutil
 import time
@@ -16,7 +17,7 @@ from . import lock as locks
 from .download import Arrived, Patience
 from .lock import Lock, Source
 from .registry import DataSet, File
-from .unpack import Limits
+from .unpack import Limits, Unpacked
 
 
 @dataclass
@@ -58,16 +59,19 @@ def fetch(
     result = Result(folder)
     with locks.alone(folder) as work:
         locks.write(folder, record)
+        for left in work.iterdir():
+            if left.is_dir():  # of a run that was killed while it unpacked
+                shutil.rmtree(left)
         todo = _missing(wanted, folder, record, result, thorough)
         _check_places(todo, folder, record)
-        known = sum(file.size or 0 for file in todo)
-        download.check_room(folder, known)
-        many = len(todo) > 3
+        download.check_room(folder, sum(file.size or 0 for file in todo))
+        many = len(todo) > 3  # then the files are counted, else the bytes of each
+        job = _Job(folder, work, record, result, elsewhere, patience, limits, quiet=many)
         for i, file in enumerate(console.progress(todo, label=chosen.name, unit="files") if many else todo):
             if i and chosen.series is not None and chosen.series.pause:
                 time.sleep(chosen.series.pause)
             try:
-                _bring(file, folder, work, record, result, elsewhere, patience, limits, quiet=many)
+                job.bring(file)
             finally:
                 locks.write(folder, record)
     result.unverified = [
@@ -107,82 +111,105 @@ def _check_places(todo: Sequence[File], folder: Path, record: Lock) -> None:
                 raise UserError(what, path=path, remedy="move it, or choose another folder with -o")
 
 
-def _bring(
-    file: File,
-    folder: Path,
-    work: Path,
-    record: Lock,
-    result: Result,
-    elsewhere: Path | None,
-    patience: Patience | None,
-    limits: Limits | None,
-    *,
-    quiet: bool,
-) -> None:
-    """Download a file, or take it from elsewhere, and put it, or what it holds, in its place."""
-    target = work / file.name
-    try:
-        arrived = _copied(file, target, elsewhere) or download.download(
+@dataclass(frozen=True)
+class _Job:
+    """Bringing files into a folder, one after the other, and what is noted of them."""
+
+    folder: Path
+    work: Path
+    record: Lock
+    result: Result
+    elsewhere: Path | None
+    patience: Patience | None
+    limits: Limits | None
+    quiet: bool
+
+    def bring(self, file: File) -> None:
+        """Download a file, or take it from elsewhere, and put it, or what it holds, in its place."""
+        target = self.work / f"{hashlib.sha256(file.address.encode()).hexdigest()[:8]}-{file.name}"
+        try:
+            # What an earlier run brought and could not unpack, for want of room, is not brought again.
+            arrived = _copied(file, target, target) or self._arrived(file, target)
+        except download.Missing:
+            if not file.optional:
+                raise
+            self.result.missing.append(file.address)
+            self.record.missing = sorted({*self.record.missing, file.address})
+            return
+        _compare(file, arrived, self.record, target)
+        for one in self._place(file, target, arrived):
+            entry = locks.held(self.folder, one.path, one.size, one.sha256, file.address)
+            self.record.files[one.path] = entry
+        self.record.sources[file.address] = Source(arrived.size, arrived.sha256, arrived.published)
+        self.result.downloaded.append(file.address)
+
+    def _arrived(self, file: File, target: Path) -> Arrived:
+        elsewhere = None if self.elsewhere is None else self.elsewhere / file.name
+        return _copied(file, target, elsewhere) or download.download(
             file.address,
             target,
             size=file.size,
             sha256=file.sha256,
             md5=file.md5,
-            patience=patience,
-            label="" if quiet else file.name,
+            patience=self.patience,
+            label="" if self.quiet else file.name,
         )
-    except download.Missing:
-        if not file.optional:
+
+    def _place(self, file: File, target: Path, arrived: Arrived) -> list[Unpacked]:
+        """The files that a download became."""
+        place = self.folder / file.into
+        if file.kind == "plain":
+            self._remove_old(file)
+            place.parent.mkdir(parents=True, exist_ok=True)
+            os.replace(target, place)
+            return [Unpacked(file.into, arrived.size, arrived.sha256)]
+        new = self.work / "unpacked"
+        try:
+            inside = unpack.unpack(
+                target,
+                new,
+                file.kind,
+                strip=file.strip,
+                keep=file.keep,
+                limits=self.limits,
+                label="" if self.quiet else f"unpacking {file.name}",
+            )
+        except unpack.BadArchive:
+            target.unlink()
             raise
-        result.missing.append(file.address)
-        record.missing = sorted({*record.missing, file.address})
-        return
-    _compare(file, arrived, record, target)
-    for path in [path for path, entry in record.files.items() if entry.address == file.address]:
-        (folder / path).unlink(missing_ok=True)
-        del record.files[path]
-    place = folder / file.into
-    if file.kind == "plain":
-        place.parent.mkdir(parents=True, exist_ok=True)
-        os.replace(target, place)
-        found = [unpack.Unpacked(file.into, arrived.size, arrived.sha256)]
-    else:
+        self._remove_old(file)
         if place.is_dir():
             shutil.rmtree(place)  # nothing but empty folders is left in it
-        inside = unpack.unpack(
-            target,
-            place,
-            file.kind,
-            strip=file.strip,
-            keep=file.keep,
-            limits=limits,
-            work=work,
-            label="" if quiet else f"unpacking {file.name}",
-        )
-        found = [unpack.Unpacked(f"{file.into}/{one.path}", one.size, one.sha256) for one in inside]
+        place.parent.mkdir(parents=True, exist_ok=True)
+        os.rename(new, place)
         target.unlink()
-    for one in found:
-        record.files[one.path] = locks.held(folder, one.path, one.size, one.sha256, file.address)
-    record.sources[file.address] = Source(arrived.size, arrived.sha256, arrived.published)
-    result.downloaded.append(file.address)
+        return [Unpacked(f"{file.into}/{one.path}", one.size, one.sha256) for one in inside]
+
+    def _remove_old(self, file: File) -> None:
+        for path in [path for path, entry in self.record.files.items() if entry.address == file.address]:
+            (self.folder / path).unlink(missing_ok=True)
+            del self.record.files[path]
 
 
-def _copied(file: File, target: Path, elsewhere: Path | None) -> Arrived | None:
-    """The file from a folder of files downloaded by other means; None if it is not there."""
-    if elsewhere is None or files.kind(elsewhere / file.name) != "file":
+def _copied(file: File, target: Path, source: Path | None) -> Arrived | None:
+    """The file from where it was brought by other means, checked; None if it is not there."""
+    if source is None or files.kind(source) != "file":
         return None
-    source = elsewhere / file.name
     found = download.digests(source, ("sha256", "md5"))
     size = source.stat().st_size
     found["size"] = str(size)
     wanted = None if file.size is None else str(file.size)
     for kind, expected in (("size", wanted), ("sha256", file.sha256), ("md5", file.md5)):
         if expected is not None and found[kind] != expected:
+            if source == target:
+                target.unlink()
+                return None
             what = f"its {kind} is {found[kind]}, published is {expected}"
             raise UserError(what, path=source, remedy=f"download it again from {file.address}")
-    download.check_room(target.parent, size)
-    with files.atomic(target) as stream, open(source, "rb") as content:
-        shutil.copyfileobj(content, stream, 1 << 20)
+    if source != target:
+        download.check_room(target.parent, size)
+        with files.atomic(target) as stream, open(source, "rb") as content:
+            shutil.copyfileobj(content, stream, 1 << 20)
     published = "sha256" if file.sha256 else "md5" if file.md5 else None
     return Arrived(size, found["sha256"], published)
 

@@ -24,11 +24,16 @@ from typing import IO, Any
 
 from ..errors import UserError
 from . import meter
+from .download import check_room
 
 CHUNK = 1 << 20
 HEADERS = 1 << 20  # bytes of tar headers between two members, far more than any honest archive has
 _DEVICE = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
 _THROWN = "it was not unpacked; look at the set's homepage, and do not unpack it by hand unless you trust it"
+
+
+class BadArchive(UserError):
+    """An archive that cannot be unpacked, today or ever."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +81,6 @@ def unpack(
     strip: str = "",
     keep: Iterable[str] = (),
     limits: Limits | None = None,
-    work: Path | None = None,
     label: str = "",
 ) -> list[Unpacked]:
     """Unpack a zip or tar.gz into a folder, which must not exist and appears in one step.
@@ -84,33 +88,41 @@ def unpack(
     strip is the folder of the archive whose content is taken, keep are patterns of the paths to take; all if
     there is none. A path that leads out, a link or a device to be taken, two members of one place (letters'
     case and the forms of accents set aside), an encrypted or damaged member, and more than the limits allow
-    are a UserError, which leaves nothing. work is the folder to unpack in, on the same disk as the folder.
+    are a UserError, which leaves nothing.
     """
     limits, patterns = limits or Limits(), [pattern.casefold() for pattern in keep]
-    work = folder.parent if work is None else work
-    work.mkdir(parents=True, exist_ok=True)
-    temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name[:40]}.", dir=work))
+    above = tuple(part for part in strip.split("/") if part)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name[:40]}.", dir=folder.parent))
     try:
         with _about(archive), _members(archive, kind, limits) as members:
-            found = _write(members, temporary, strip, patterns, limits, archive, label)
+            most, needed = limits.bytes_of(archive.stat().st_size), None
+            if kind == "zip":  # it says beforehand what it holds
+                members = list(members)
+                needed = sum(one.size for one in members if _place(one, above, patterns))
+                if needed > most:
+                    raise _too_large(most)
+                check_room(folder.parent, needed)
+            with meter.meter(label, needed) as report:
+                found = _write(members, temporary, above, patterns, most, limits.count, report)
         if not found:
-            raise UserError("holds none of the files to take", path=archive, remedy="correct strip and keep")
+            raise BadArchive("holds none of the files to take", path=archive, remedy="correct strip and keep")
         os.chmod(temporary, 0o755)
-        folder.parent.mkdir(parents=True, exist_ok=True)
         os.rename(temporary, folder)
         return found
     except OSError as error:
         if error.errno not in (errno.ENOSPC, errno.EDQUOT):
             raise
-        raise UserError("the disk is full", path=work, remedy="make room; nothing was unpacked") from error
+        raise UserError(
+            "the disk is full", path=folder.parent, remedy="make room; nothing was unpacked"
+        ) from error
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
 
 
-def safe_path(name: str) -> tuple[str, ...]:
-    """The parts of a member's path; a UserError where it leads out of the folder or is no path everywhere."""
-    parts = tuple(part for part in name.split("/") if part not in ("", "."))
-    why = None
+def check_name(name: str) -> None:
+    """A UserError where a member's path leads out of the folder, or is no path on some system."""
+    parts, why = _parts(name), None
     if name.startswith("/") or re.match(r"[A-Za-z]:", name):
         why = "it is absolute"
     elif ".." in parts:
@@ -125,51 +137,60 @@ def safe_path(name: str) -> tuple[str, ...]:
         why = "it is too long"
     if why:
         raise UserError(f"hostile or damaged: member {_shown(name)}: {why}", remedy=_THROWN)
-    return parts
+
+
+def _parts(name: str) -> tuple[str, ...]:
+    return tuple(part for part in name.split("/") if part not in ("", "."))
+
+
+def _place(member: _Member, above: tuple[str, ...], patterns: list[str]) -> str | None:
+    """Where a member goes, below the folder to strip; None if it is not to be taken."""
+    parts = _parts(member.name)
+    path = "/".join(parts[len(above) :])
+    if member.folder or not path or parts[: len(above)] != above:
+        return None
+    if patterns and not any(fnmatch.fnmatchcase(path.casefold(), pattern) for pattern in patterns):
+        return None
+    return path
 
 
 def _write(
     members: Iterable[_Member],
     folder: Path,
-    strip: str,
+    above: tuple[str, ...],
     patterns: list[str],
-    limits: Limits,
-    archive: Path,
-    label: str,
+    most: int,
+    count: int,
+    report: Callable[[int], None],
 ) -> list[Unpacked]:
-    most, total, found = limits.bytes_of(archive.stat().st_size), 0, []
-    above, taken = tuple(part for part in strip.split("/") if part), _Taken()
-    with meter.meter(label, None) as report:
-        for count, member in enumerate(members):
-            if count >= limits.count:
-                raise UserError(f"hostile: more than {limits.count:,} members", remedy=_THROWN)
-            parts = safe_path(member.name)
-            if parts[: len(above)] != above or member.folder:
-                continue
-            path = "/".join(parts[len(above) :])
-            if not path or (patterns and not any(fnmatch.fnmatchcase(path.casefold(), p) for p in patterns)):
-                continue
-            if not member.plain:
-                what = f"hostile: member {_shown(member.name)} is a link or a device"
-                raise UserError(what, remedy=_THROWN)
-            taken.add(path, member.name)
-            if total + member.size > most:
-                raise _too_large(most)
-            target = folder / path
-            target.parent.mkdir(parents=True, exist_ok=True)
-            digest, size = hashlib.sha256(), 0
-            with member.open() as source, open(target, "xb") as stream:
-                while block := source.read(CHUNK):
-                    size += len(block)
-                    if total + size > most:
-                        raise _too_large(most)
-                    digest.update(block)
-                    stream.write(block)
-                    report(total + size)
-            total += size
-            if size != member.size:
-                raise UserError(f"damaged: member {_shown(member.name)} is cut", remedy=_THROWN)
-            found.append(Unpacked(path, size, digest.hexdigest()))
+    """Write the members to be taken into a folder; of no more than count members no more than most bytes."""
+    total, found, taken = 0, [], _Taken()
+    for i, member in enumerate(members):
+        if i >= count:
+            raise UserError(f"hostile: more than {count:,} members", remedy=_THROWN)
+        check_name(member.name)
+        path = _place(member, above, patterns)
+        if path is None:
+            continue
+        if not member.plain:
+            what = f"hostile: member {_shown(member.name)} is a link or a device"
+            raise UserError(what, remedy=_THROWN)
+        taken.add(path, member.name)
+        target = folder / path
+        target.parent.mkdir(parents=True, exist_ok=True)
+        digest, size = hashlib.sha256(), 0
+        with member.open() as source, open(target, "xb") as stream:
+            while block := source.read(CHUNK):
+                size += len(block)
+                if total + size > most:
+                    raise _too_large(most)
+                digest.update(block)
+                stream.write(block)
+                report(total + size)
+        total += size
+        if size != member.size:
+            raise UserError(f"damaged: member {_shown(member.name)} is cut", remedy=_THROWN)
+        found.append(Unpacked(path, size, digest.hexdigest()))
     return found
 
 
@@ -260,9 +281,11 @@ def _about(archive: Path) -> Iterator[None]:
     try:
         yield
     except UserError as error:
-        raise UserError(error.what, path=error.path or archive, remedy=error.remedy) from error
+        if error.path is not None:
+            raise
+        raise BadArchive(error.what, path=archive, remedy=error.remedy) from error
     except (*damaged, NotImplementedError, RuntimeError, OverflowError) as error:
-        raise UserError(f"not an archive, or damaged: {error}", path=archive, remedy=_THROWN) from error
+        raise BadArchive(f"not an archive, or damaged: {error}", path=archive, remedy=_THROWN) from error
 
 
 def _too_large(most: int) -> UserError:
