@@ -191,7 +191,7 @@ def _check(raw: Raw, path: PathLike) -> None:
         why = f"its ranges do not cover its {frames} frames one after another"
     elif raw.contacts is not None and (len(raw.contacts) != frames or raw.contacts.max(initial=0) > 1):
         why = "its contacts are not a 0 or 1 for every frame"
-    elif np.any(np.abs(np.linalg.norm(raw.rotations, axis=-1) - 1) > 0.01):
+    elif np.any(np.abs(_norms(raw.rotations) - 1) > 0.01):
         why = "its rotations are not unit quaternions"
     if why:
         raise _refuse(path, "motion-matching database", why)
@@ -201,6 +201,12 @@ def _check(raw: Raw, path: PathLike) -> None:
             raise UserError(
                 f"its {name} are not finite at frame {frame}", path=path, remedy="make the file again"
             )
+
+
+def _norms(array: NDArray) -> NDArray:
+    """Norms of the last axis; those too large for the type are infinite."""
+    with np.errstate(over="ignore"):
+        return np.linalg.norm(array, axis=-1)
 
 
 def write_database(path: PathLike, raw: Raw) -> None:

@@ -80,7 +80,9 @@ def _rules(reader: csv.DictReader, path: Path) -> tuple[Rule, ...]:
     header = [key.strip() for key in reader.fieldnames or ()]
     known = {"tag", "clips"} <= set(header) <= {"tag", "clips", "start", "stop"}
     if not known or len(set(header)) < len(header):
-        raise UserError(f"header {','.join(header)!r}", path=path, line=1, remedy=f"write {_EXAMPLE}")
+        raise UserError(
+            f"header {config.shown(','.join(header))}", path=path, line=1, remedy=f"write {_EXAMPLE}"
+        )
     reader.fieldnames = header
     rules = []
     for row in reader:

@@ -48,6 +48,8 @@ def dotted(key: Key) -> str:
     """``("features", 2, "role")`` as ``features[2].role``."""
     text = ""
     for part in key:
+        if isinstance(part, str) and not (part.isprintable() and len(part) <= 60):
+            part = shown(part)
         text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part
     return text
 
