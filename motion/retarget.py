@@ -72,7 +72,7 @@ def plan(source: Anatomy, target: Anatomy) -> Plan:
     _require_alike(source, target)
     entries: dict[int, list[tuple[int, float, Array]]] = {}
     for t, s in _pairs(old, new).items():
-        entries[t] = [(s, 1.0, _turn(source, s, target, t))]
+        entries[t] = [(s, 1.0, turn(source, s, target, t))]
     _spread_torso(source, target, entries)
     _pair_the_rest(source, target, entries)
     hips, above = new.roles["hips"], carrier(new)
@@ -80,8 +80,8 @@ def plan(source: Anatomy, target: Anatomy) -> Plan:
         chain = quat.identity()
         for j in new.chain(hips, above)[1:]:
             chain = quat.mul(chain, target.rest[j])
-        s, weight, turn = entries[hips][0]
-        entries[above] = [(s, weight, quat.mul(turn, quat.inv(chain)))]
+        s, weight, own = entries[hips][0]
+        entries[above] = [(s, weight, quat.mul(own, quat.inv(chain)))]
     roots = new.roles.get("root", -1), old.roles.get("root", -1)
     if roots[0] == hips:
         roots = -1, roots[1]
@@ -128,7 +128,7 @@ def retarget(
     """
     source = anatomy(clip.skeleton, [clip]) if source is None else source
     if isinstance(target, Skeleton):
-        target = _anatomy_like(target, source)
+        target = anatomy_like(target, source)
     mapping = plan(source, target)
     world_pos, world_rot = kinematics.forward(clip.skeleton, clip.positions, clip.rotations)
     positions, rotations = apply(mapping, world_pos, world_rot)
@@ -209,7 +209,7 @@ def _place_root(
         place = mapping.scale * world_pos[:, mapping.source_root]
         facing = quat.mul(
             world_rot[:, mapping.source_root],
-            _turn(mapping.source, mapping.source_root, mapping.target, joint),
+            turn(mapping.source, mapping.source_root, mapping.target, joint),
         )
     else:
         place = mapping.scale * root.root_positions(clip.skeleton, clip.fps, world_pos)
@@ -278,7 +278,9 @@ def limbs(body: Anatomy, roles: Sequence[str]) -> planting.Limbs:
         joints.append((upper, middle, end, joint))
         points.append(point)
         hinges.append(np.cross(along, ahead) if part == "hand" else np.cross(ahead, along))
-    return planting.Limbs(np.array(joints, np.int64), np.array(points), np.array(hinges))
+    return planting.Limbs(
+        np.array(joints, np.int64).reshape(-1, 4), np.reshape(points, (-1, 3)), np.reshape(hinges, (-1, 3))
+    )
 
 
 def soles(mapping: Plan, roles: Sequence[str]) -> tuple[Array, Array]:
@@ -299,7 +301,7 @@ def _root_axes(target: Anatomy) -> Array:
     return quat.mul(quat.from_matrix(matrix), quat.inv(target.frames[target.skeleton.roles["root"]]))
 
 
-def _anatomy_like(skeleton: Skeleton, source: Anatomy) -> Anatomy:
+def anatomy_like(skeleton: Skeleton, source: Anatomy) -> Anatomy:
     """A skeleton's anatomy; one with the source's joints and bones' directions has the source's frames."""
     old = source.skeleton
     if old.same_joints(skeleton):
@@ -328,7 +330,8 @@ def _pairs(old: Skeleton, new: Skeleton) -> dict[int, int]:
     return {new.roles[role]: old.roles[role] for role in parts if role in new.roles and role in old.roles}
 
 
-def _turn(source: Anatomy, s: int, target: Anatomy, t: int) -> Array:
+def turn(source: Anatomy, s: int, target: Anatomy, t: int) -> Array:
+    """The constant A [4] with which a target's joint t turns as a source's joint s does."""
     return quat.mul(source.frames[s], quat.inv(target.frames[t]))
 
 
@@ -348,7 +351,7 @@ def _spread_torso(source: Anatomy, target: Anatomy, entries: dict) -> None:
                 nearest = [s for s, a, _ in theirs if a <= middle + 1e-9] or [theirs[0][0]]
                 chosen = [(nearest[-1], 1.0)]
             total = sum(share for _, share in chosen)
-            entries[t] = [(s, share / total, _turn(source, s, target, t)) for s, share in chosen]
+            entries[t] = [(s, share / total, turn(source, s, target, t)) for s, share in chosen]
 
 
 def _stretch(body: Anatomy, low: str, high: str) -> list[tuple[int, float, float]]:
@@ -381,9 +384,8 @@ def _pair_the_rest(source: Anatomy, target: Anatomy, entries: dict) -> None:
         if s < 0 or s in alike.values():
             continue
         alike[t] = s
-        turn = quat.mul(entries[int(new.parents[t])][0][2], target.rest[t])
-        turn = quat.mul(quat.inv(source.rest[s]), turn)
-        entries[t] = [(s, 1.0, turn)]
+        own = quat.mul(entries[int(new.parents[t])][0][2], target.rest[t])
+        entries[t] = [(s, 1.0, quat.mul(quat.inv(source.rest[s]), own))]
 
 
 def _in_between(old: Skeleton, new: Skeleton, partner: dict[int, int], t: int, above: int) -> int:
