@@ -77,7 +77,7 @@ def fetch(
     result.unverified = [
         file.address
         for file in wanted
-        if file.address in record.sources and record.sources[file.address].published is None
+        if file.address in record.sources and not (file.sha256 or record.sources[file.address].published)
     ]
     return result
 
