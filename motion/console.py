@@ -11,12 +11,13 @@ import shutil
 import sys
 import tempfile
 import time
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, TextIO, TypeVar
 
 import click
 
-from .errors import UserError
+from .errors import Note, UserError
 
 T = TypeVar("T")
 
@@ -28,6 +29,7 @@ class Group(click.Group):
         kwargs["standalone_mode"] = False
         try:
             _cache_compiled_code()
+            _show_notes()
             code = super().main(*args, **kwargs)
             if sys.stdout is not None:
                 sys.stdout.flush()  # at exit it would be too late to report a full disk
@@ -58,6 +60,22 @@ class Group(click.Group):
             if sys.stderr is not None:  # print would take standard output instead
                 print("error: " + " ".join(message.split()), file=sys.stderr)
         sys.exit(code)
+
+
+def _show_notes() -> None:
+    """Print a `Note` as a line of its own, not as a warning with its place in the source."""
+    plain = warnings.showwarning
+    if getattr(plain, "shows_notes", False):
+        return
+
+    def show(message: Any, category: type[Warning], *place: Any, **more: Any) -> None:
+        if not issubclass(category, Note):
+            plain(message, category, *place, **more)
+        elif sys.stderr is not None:
+            print(f"note: {message}", file=sys.stderr)
+
+    show.shows_notes = True  # type: ignore[attr-defined]
+    warnings.showwarning = show
 
 
 def _cache_compiled_code() -> None:

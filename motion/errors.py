@@ -37,3 +37,7 @@ class UserError(Exception):
         if self.path is not None and self.line is not None:
             where = f"{self.path}:{self.line}: "
         return where + self.what + (f"; {self.remedy}" if self.remedy else "")
+
+
+class Note(UserWarning):
+    """A remark about what the user gave, which commands print as ``note: ...``, each once."""

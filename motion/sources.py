@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
 
-from . import asfamc, bvh, gltf, kinematics, units
+from . import asfamc, bvh, gltf, kinematics, npz, units
 from . import roles as role_guess
 from .clip import Clip
 from .errors import UserError
@@ -36,6 +36,7 @@ class Format:
 FORMATS: dict[str, Format] = {
     ".bvh": Format(bvh.read, knows_unit=False),
     ".amc": Format(asfamc.read, knows_unit=True),
+    ".npz": Format(npz.read, knows_unit=True),
     ".gltf": Format(gltf.read, knows_unit=True, animations=gltf.animations),
     ".glb": Format(gltf.read, knows_unit=True, animations=gltf.animations),
 }
@@ -116,14 +117,15 @@ def load(
     for name, value in (("fps", fps), ("unit_to_m", unit_to_m)):
         if value is not None and not 0 < value < math.inf:
             raise UserError(f"{name} is {value}", path=path, remedy="give a positive number")
-    clip = form.read(path) if animation is None else form.read(path, animation)
+    rate = {} if fps is None else {"fps": float(fps)}
+    clip = form.read(path, **rate) if animation is None else form.read(path, animation, **rate)
     middle = len(clip) // 2
-    if roles is None:
+    if roles is None and clip.skeleton.roles:
+        roles = clip.skeleton.roles
+    elif roles is None:
         pose, _ = kinematics.forward(clip.skeleton, clip.positions[middle], clip.rotations[middle])
         roles = role_guess.guess(clip.skeleton, pose)
     clip = clip.replace(skeleton=clip.skeleton.with_roles(roles))
-    if fps is not None:
-        clip = clip.replace(fps=float(fps))
     if unit_to_m is None:
         # A pose speaks: offsets may be stale where position channels replace them.
         unit_to_m = clip.unit_to_m if form.knows_unit else units.guess(clip.skeleton, clip.positions[middle])
@@ -153,7 +155,7 @@ def find(
                 for folder, subfolders, names in os.walk(source, onerror=_unreadable)
                 if subfolders.sort() is None
                 for name in names
-                if Path(name).suffix.lower() in FORMATS and not _hidden(Path(folder, name), source)
+                if _is_motion(name) and not _hidden(Path(folder, name), source)
             ]
             if not files:
                 raise UserError("no clips in this folder", path=source, remedy=_choices())
@@ -192,7 +194,15 @@ def inputs(sources: Iterable[str | os.PathLike[str]] | str | os.PathLike[str]) -
     """All files that may be read for the sources, skeletons beside AMC files too: nothing to write over."""
     found = sorted({split(path)[0] for path in find(sources)})
     folders = dict.fromkeys(file.parent for file in found if file.suffix.lower() == ".amc")
-    return [*found, *(file for folder in folders for file in sorted(folder.glob("*.[aA][sS][fF]")))]
+    skeletons = [file for folder in folders for file in sorted(folder.glob("*.[aA][sS][fF]"))]
+    lent = dict.fromkeys(npz.skeleton_file(file) for file in found if file.suffix.lower() == ".npz")
+    return [*found, *skeletons, *filter(None, lent)]
+
+
+def _is_motion(name: str) -> bool:
+    """Whether a file's name is that of a motion: no rest pose or shape of a body that lies beside these."""
+    lends = any(fnmatchcase(name.lower(), pattern) for pattern in npz.NOT_CLIPS)
+    return Path(name).suffix.lower() in FORMATS and not lends
 
 
 def _unreadable(error: OSError) -> None:

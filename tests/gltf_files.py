@@ -59,7 +59,7 @@ class Builder:
         return len(self.json["accessors"]) - 1
 
     def animation(self, channels: dict[tuple[int, str], tuple], name: str | None = None) -> None:
-        """Add an animation: (node, path) to (times, values[, interpolation]), numbers or accessors' indices."""
+        """Add an animation: (node, path) to (times, values[, interpolation]), numbers or accessor indices."""
         found: dict[str, Any] = {"samplers": [], "channels": []} | ({} if name is None else {"name": name})
         for (node, path), (times, values, *kind) in channels.items():
             sampler = {
@@ -87,15 +87,11 @@ class Builder:
                 path.with_suffix(".bin").write_bytes(self.binary)
             path.write_text(json.dumps(self.json))
             return path
-        text = json.dumps(self.json).encode()
-        text += b" " * (-len(text) % 4)
-        binary = bytes(self.binary) + b"\0" * (-len(self.binary) % 4)
-        body = (
-            struct.pack("<I4s", len(text), b"JSON")
-            + text
-            + struct.pack("<I4s", len(binary), b"BIN\0")
-            + binary
-        )
+        text, binary = json.dumps(self.json).encode(), bytes(self.binary)
+        body = b""
+        for kind, data, pad in ((b"JSON", text, b" "), (b"BIN\0", binary, b"\0")):
+            data += pad * (-len(data) % 4)
+            body += struct.pack("<I4s", len(data), kind) + data
         path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body)
         return path
 
