@@ -185,7 +185,7 @@ def _place_carrier(mapping: Plan, positions: Array, turned: Array, pelvis: Array
         chain = Skeleton(
             tuple(skeleton.names[j] for j in above),
             np.arange(-1, len(above) - 1, dtype=np.int32),
-            mapping.target.bones[above],
+            mapping.target.bones[above].astype(np.float64),
         )
         local = positions[:, above], _locals(turned[:, above])
         over = kinematics.forward(chain, *local)[0][:, -1]

@@ -112,7 +112,7 @@ class Retargeter:
 
 
 def tables(plan: retarget.Plan, contact_roles: Sequence[str]) -> Tables:
-    """A plan as the kernel reads it; a UserError where limbs are missing, or the source has no ground root."""
+    """A plan as the kernel reads it; a UserError where limbs are missing, or the source's root is."""
     source, target = plan.source.skeleton, plan.target.skeleton
     if plan.root >= 0 and plan.source_root < 0:
         raise UserError(
@@ -155,8 +155,8 @@ def tables(plan: retarget.Plan, contact_roles: Sequence[str]) -> Tables:
         target_pelvis=plan.target_pelvis.astype(np.float64),
         moves=np.array([plan.scale, plan.lift]),
         legs=limbs.joints,
-        points=limbs.points,
-        hinges=limbs.hinges,
+        points=limbs.points.astype(np.float64),
+        hinges=limbs.hinges.astype(np.float64),
         heights=np.stack([heights, heights], axis=-1),
         lengths=np.array(lengths, np.float64),
     )
