@@ -135,6 +135,9 @@ def compare(
     a move in common, are UserErrors.
     """
     notes: list[str] = []
+    for pattern in exclude:
+        if not any(_matches(paths, pattern) for paths in (a, b)):
+            sources.find([*a, *b], exclude=[pattern])  # says which clips there are
     sides = [_read(paths, exclude, notes, progress) for paths in (a, b)]
     for side in sides:
         if only:
