@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from .. import digits
 from .document import Document, Item
 
-MOST_KEYS = 10_000_000
+MOST_KEYS, MOST_ZEROS = 10_000_000, 100_000  # zeros cost the file nothing
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 _COMPRESSED = ("EXT_meshopt_compression", "KHR_meshopt_compression")
@@ -26,13 +26,16 @@ def numbers(document: Document, index: int, kind: str) -> NDArray[np.float64]:
     count = item.integer("count", least=1, most=MOST_KEYS)
     dtype = _dtype(item, _COMPONENTS)
     if item.index("bufferView", "bufferViews") is None:
+        if count > MOST_ZEROS:
+            raise item.fault(f"{count} values without a bufferView", f"at most {MOST_ZEROS} are read")
         raw = np.zeros((count, _WIDTHS[kind]), dtype)
     else:
         raw = _view(item, dtype, count, _WIDTHS[kind])
     sparse = item.item("sparse")
     if sparse is not None:
         raw = _replaced(sparse, raw)
-    values = raw.astype(np.float64)
+    with np.errstate(invalid="ignore"):
+        values = raw.astype(np.float64)
     if dtype.kind != "f" and item.data.get("normalized", False):
         values = np.maximum(values / np.iinfo(dtype).max, -1)
     if not (np.abs(values) <= digits.LIMIT).all():

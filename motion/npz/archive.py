@@ -115,8 +115,8 @@ class Archive:
         raw = self.raw(key)
         if raw.dtype.kind in "US":
             raise self.fault(f"{key} holds {raw.dtype}, expected numbers", "save it as numbers")
-        values = raw.astype(np.float64)
         with np.errstate(invalid="ignore"):
+            values = raw.astype(np.float64)
             good = np.abs(values) <= digits.LIMIT
         if not good.all():
             place = np.argwhere(~good)[0].tolist()
