@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import sys
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from . import console
+from . import console, options
+from .checking.cli import check
 from .errors import UserError
 from .fetching.cli import fetch
+from .options import AXIS, FORWARD, HAND, ROLES, SOURCE_UNIT, TIME, Length, source_axes
 
 if TYPE_CHECKING:
     from .clip import Clip
-
-LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254, "foot": 0.3048}
-"""Metres in a unit of length, by the name that options take."""
 
 
 @console.group("motion", "Motion files: look at them, find their joints' roles, convert them.")
@@ -29,46 +26,7 @@ def main() -> None:
 
 
 main.add_command(fetch)
-
-
-class Length(click.ParamType):
-    """A unit by name, or its size in metres."""
-
-    name = "unit"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        try:
-            metres = LENGTHS[value] if value in LENGTHS else float(value)
-        except ValueError:
-            metres = -1.0
-        if not 0 < metres < 1e6:
-            self.fail(f"{value!r} is no unit; give {', '.join(LENGTHS)} or metres a unit", param, ctx)
-        return metres
-
-
-ROLES = click.option(
-    "--roles", type=click.Path(), metavar="FILE", help="TOML file: which joint plays which role."
-)
-SOURCE_UNIT = click.option(
-    "--source-unit", type=Length(), metavar="UNIT", help="Unit of the files' lengths.  [default: guessed]"
-)
-AXIS = click.Choice(["x", "y", "z", "-x", "-y", "-z"])
-TIME = console.Number(0, 1e5)
-HAND = click.Choice(["right", "left"])
-FORWARD = "[default: z, or -y where z is up]"
-
-
-def source_axes(command: Callable) -> Callable:
-    """Decorator: options for the axes of the files read."""
-    for option in (
-        click.option(
-            "--source-handedness", type=HAND, default="right", show_default=True, help="Their handedness."
-        ),
-        click.option("--source-forward", type=AXIS, help=f"Axis they face.  {FORWARD}"),
-        click.option("--source-up", type=AXIS, default="y", show_default=True, help="The files' up axis."),
-    ):
-        command = option(command)
-    return command
+main.add_command(check)
 
 
 @main.command(epilog="Example: python -m motion info clips/walk.bvh clips/cmu --json")
@@ -97,11 +55,11 @@ def info(
     from . import axes
     from .statistics import statistics
 
-    up, forward, handedness = _system(source_up, source_forward, source_handedness)
+    up, forward, handedness = options.system(source_up, source_forward, source_handedness)
     rows = []
-    for path, clip in _clips(files, label="reading", fps=fps, unit_to_m=source_unit, roles=roles):
+    for path, clip in options.clips(files, label="reading", fps=fps, unit_to_m=source_unit, roles=roles):
         ours = axes.convert(clip, up=up, forward=forward, handedness=handedness, inverse=True)
-        with _about(path):
+        with options.about(path):
             rows.append({"file": str(path), **statistics(ours)})
     if as_json:
         console.print_json([{key: _rounded(value) for key, value in row.items()} for row in rows])
@@ -121,7 +79,7 @@ def show_roles(file: str, roles: str | None, as_json: bool) -> None:
     """
     from .roles import ROLES as known
 
-    (_, clip) = next(_clips((file,), label="reading", roles=roles))
+    (_, clip) = next(options.clips((file,), label="reading", roles=roles))
     skeleton = clip.skeleton
     found = {role: skeleton.names[joint] for role, joint in skeleton.roles.items()}
     if as_json:
@@ -226,43 +184,25 @@ def convert(
     target = str(target or output)
     pairs = _targets(Path(source), Path(target), others=(roles, fit))
     changes = Changes(
-        source_axes=_system(source_up, source_forward, source_handedness),
+        source_axes=options.system(source_up, source_forward, source_handedness),
         keep_lead_in=keep_lead_in,
         start=start,
         stop=stop,
         joints=tuple(name.strip() for name in (joints or "").split(",") if name.strip()),
-        fit=None if fit is None else next(_clips((fit,), label="reading", roles=roles))[1],
+        fit=None if fit is None else next(options.clips((fit,), label="reading", roles=roles))[1],
         fps=fps,
         ground=ground,
         mirror=mirror,
-        axes=_system(up, forward, handedness),
+        axes=options.system(up, forward, handedness),
     )
-    clips = _clips(
+    clips = options.clips(
         tuple(map(str, pairs)), label="converting", fps=source_fps, unit_to_m=source_unit, roles=roles
     )
     for path, clip in clips:
-        with _about(path):
+        with options.about(path):
             changed = changes.apply(clip)
         bvh.write(pairs[path], changed, unit_to_m=unit)
     click.echo(f"wrote {len(pairs)} file{'s' * (len(pairs) != 1)} to {target}", err=True)
-
-
-def _clips(
-    files: tuple[str, ...],
-    *,
-    label: str,
-    fps: float | None = None,
-    unit_to_m: float | None = None,
-    roles: str | None = None,
-) -> Iterator[tuple[Path, Clip]]:
-    """The clips of files and folders, with a progress bar, roles from a file if given."""
-    from . import roles as role_files
-    from . import sources
-
-    overrides = {} if roles is None else role_files.load_overrides(roles)
-    for path in console.progress(sources.find(files), label=label, unit="files"):
-        clip = sources.load(path, fps=fps, unit_to_m=unit_to_m)
-        yield path, clip.replace(skeleton=role_files.apply(clip.skeleton, overrides)) if overrides else clip
 
 
 def _short_paths(rows: list[dict[str, Any]]) -> tuple[list[dict[str, Any]], str | None]:
@@ -301,26 +241,6 @@ def _targets(source: Path, target: Path, *, others: tuple[str | None, ...] = ())
         taken[out] = file
         files.check_output(out, inputs=others)
     return pairs
-
-
-def _system(up: str, forward: str | None, handedness: str) -> tuple[str, str, str]:
-    """Axes that belong together, forward filled in."""
-    from . import axes
-
-    forward = forward or ("-y" if up.endswith("z") else "z")
-    axes.basis(up, forward, handedness)
-    return up, forward, handedness
-
-
-@contextlib.contextmanager
-def _about(path: Path) -> Iterator[None]:
-    """A user error inside that names no file is about path."""
-    try:
-        yield
-    except UserError as error:
-        if error.path is not None:
-            raise
-        raise UserError(error.what, path=path, remedy=error.remedy) from error
 
 
 def _rounded(value: Any) -> Any:

@@ -57,7 +57,7 @@ def spans(flags: NDArray, *, gap: int = 0) -> list[tuple[int, int]]:
     return found
 
 
-def between_steps(bad: NDArray[np.bool_], *, gap: int) -> list[tuple[int, int]]:
+def between_steps(bad: NDArray, *, gap: int) -> list[tuple[int, int]]:
     """Frames [start, stop) that the bad ones of the steps [T-1] between T frames concern.
 
     Bad steps at most gap apart lead to frames and back from them: the frames between the first and the last

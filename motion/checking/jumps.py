@@ -64,11 +64,11 @@ def flips(body: Body) -> list[Finding]:
     main, ends = np.zeros((2, len(body.skeleton)), bool)
     main[limbs], ends[:] = True, True
     ends[[joint for joint in limbs if joint not in body.joints(("left_toe", "right_toe"))]] = False
-    least: NDArray = np.where(ends, LEAST_FLIP_OF_ENDS, LEAST_FLIP)
+    least = LEAST_FLIP + ends * (LEAST_FLIP_OF_ENDS - LEAST_FLIP)
     twitch = TWITCH / max(body.scale, 1e-3) / body.fps**2
-    bad = excess > least + twitch
+    bad: NDArray = excess > least + twitch
     found = []
-    for start, stop in between_steps(bad.any(axis=1), gap=body.gap):
+    for start, stop in between_steps(np.any(bad, axis=1), gap=body.gap):
         near = slice(max(start - 1, 0), min(stop, len(turns)))
         here = np.where(bad[near], np.linalg.norm(turns[near], axis=-1), -1.0)
         joints = np.argsort(-here.max(axis=0), kind="stable")[: int(bad[near].any(axis=0).sum())]
