@@ -32,8 +32,10 @@ TORSO = ("hips", "chest", "neck", "head")
 # An axis found from motion is taken for the joint's own axis within this angle: makers of rigs put hinges
 # there, and people's elbows and heads deviate by as much.
 _SNAP = np.radians(38)
+_STRAIGHT = np.radians(8)  # by which a straight elbow or knee bends at most
 _ALONG = np.radians(3)  # a bone this near to an axis lies along it
 _STEEP = 0.8  # cosine to the vertical above which a bone on the ground points nowhere
+_CLIPS = 40  # more of one body show no more
 _SAMPLE = 2000  # frames of all clips together: only means are taken of them
 _FEW = 3  # frames on flat feet that tell how feet lie
 _SLOPE = 0.45  # sine of the angle by which a foot's joint looks down on its toe, where no frame tells
@@ -81,9 +83,10 @@ def anatomy(
     Errors: UserError without those roles, and where neither pose nor clip tells how it stands.
     """
     _require_roles(skeleton)
+    clips = clips[:: 1 + len(clips) // _CLIPS]
     bones = _bones(skeleton, clips)
-    if stance is None and stands(skeleton, bones):
-        stance = quat.identity(len(skeleton))
+    if stance is None:
+        stance = _stance(skeleton, bones, clips)
     if stance is not None:
         stance = np.asarray(stance, np.float64)
         world = kinematics.forward(skeleton, bones[None], stance[None])
@@ -102,10 +105,40 @@ def anatomy(
     return finder.anatomy(_mean(rotations), _sole(skeleton, clips))
 
 
-def stands(skeleton: Skeleton, bones: Array) -> bool:
-    """Whether zero rotations stand: legs down, feet level, the body above or before, arms out or down."""
+def anatomies(clips: Sequence[Clip]) -> list[Anatomy]:
+    """An anatomy for each clip; clips of one skeleton and body share one, made of them all."""
+    keys = [_body(clip.skeleton) for clip in clips]
+    groups: dict[tuple, list[Clip]] = {}
+    for key, clip in zip(keys, clips, strict=True):
+        groups.setdefault(key, []).append(clip)
+    made = {key: anatomy(group[0].skeleton, group) for key, group in groups.items()}
+    return [made[key] for key in keys]
+
+
+def _body(skeleton: Skeleton) -> tuple:
+    """What skeletons share that are one body: joints, roles and bone lengths, but for where the hips rest."""
+    fixed = np.ones(len(skeleton), bool)
+    fixed[skeleton.chain(skeleton.roles.get("hips", 0))] = False
+    bones = np.round(skeleton.offsets[fixed], 3).tobytes()
+    return skeleton.names, skeleton.parents.tobytes(), tuple(skeleton.roles.items()), bones
+
+
+def _stance(skeleton: Skeleton, bones: Array, clips: Sequence[Clip]) -> Array | None:
+    """Local rotations [J, 4] that stand: zero ones, or a clip's first frame if that is a T-pose; or None."""
+    zero = quat.identity(len(skeleton))
+    if stands(skeleton, bones, zero):
+        return zero
+    for clip in clips:
+        first = clip.rotations[0]
+        if stands(skeleton, bones, first) and _straight(skeleton, bones, first):
+            return first
+    return None
+
+
+def stands(skeleton: Skeleton, bones: Array, rotations: Array) -> bool:
+    """Whether local rotations stand: legs down, feet level, the body above or before, arms out or down."""
     roles = skeleton.roles
-    world, _ = kinematics.forward(skeleton, bones, quat.identity(len(skeleton)))
+    world, turned = kinematics.forward(skeleton, bones, rotations)
     across = _flatten(world[roles["left_up_leg"]] - world[roles["right_up_leg"]])
     if np.linalg.norm(across) < _SHORT:
         return False
@@ -121,13 +154,27 @@ def stands(skeleton: Skeleton, bones: Array) -> bool:
         if -leg[1] < 0.7 * _reach(skeleton, bones, foot, thigh):
             return False
         tip = _tip(skeleton, bones, side)
-        if tip is not None and (tip @ forward < 0.2 * np.linalg.norm(tip) or tip[1] > 0.1):
-            return False
+        if tip is not None:
+            tip = quat.rotate(turned[foot], tip)
+            if tip @ forward < 0.2 * np.linalg.norm(tip) or tip[1] > 0.1:
+                return False
         if f"{side}_arm" in roles and f"{side}_hand" in roles:
             arm = world[roles[f"{side}_hand"]] - world[roles[f"{side}_arm"]]
             length = _reach(skeleton, bones, roles[f"{side}_hand"], roles[f"{side}_arm"])
             outward = arm @ _unit(across) * (1 if side == "left" else -1)
             if max(outward, -arm[1]) < 0.6 * length:
+                return False
+    return True
+
+
+def _straight(skeleton: Skeleton, bones: Array, rotations: Array) -> bool:
+    """Whether elbows and knees are straight, as nobody's are who moves."""
+    world, _ = kinematics.forward(skeleton, bones, rotations)
+    limbs = [("up_leg", "leg", "foot"), ("arm", "forearm", "hand")]
+    for names in ([f"{side}_{part}" for part in limb] for side in SIDES for limb in limbs):
+        if all(name in skeleton.roles for name in names):
+            upper, middle, end = (world[skeleton.roles[name]] for name in names)
+            if _unit(middle - upper) @ _unit(end - middle) < np.cos(_STRAIGHT):
                 return False
     return True
 

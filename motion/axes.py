@@ -137,7 +137,7 @@ def convert(
     scale: float = 1.0,
     inverse: bool = False,
 ) -> Clip:
-    """`Convention.clip_to`, or with inverse `Convention.clip_from`, of the convention of the other options."""
+    """`Convention.clip_to`, or with inverse `Convention.clip_from`, by the convention of the options."""
     convention = Convention(up=up, forward=forward, handedness=handedness, scale=scale)
     return convention.clip_from(clip) if inverse else convention.clip_to(clip)
 
