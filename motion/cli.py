@@ -12,7 +12,6 @@ import click
 
 from . import console, options
 from .checking.cli import check
-from .errors import UserError
 from .fetching.cli import fetch
 from .options import AXIS, FORWARD, HAND, ROLES, SOURCE_UNIT, TIME, Length, source_axes
 
@@ -134,6 +133,12 @@ class Changes:
 @click.argument("source", metavar="IN", type=click.Path())
 @click.argument("target", metavar="[OUT]", required=False, type=click.Path())
 @click.option("-o", "--output", type=click.Path(), metavar="OUT", help="The same as the argument OUT.")
+@click.option(
+    "--format",
+    "form",
+    type=click.Choice(["bvh", "npz"]),
+    help="Format to write.  [default: as OUT ends, or bvh]",
+)
 @click.option("--fps", type=console.RATE, help="Frames a second to resample to.  [default: as they are]")
 @click.option("--start", type=TIME, metavar="SECONDS", help="Leave out what comes before.")
 @click.option("--stop", type=TIME, metavar="SECONDS", help="Leave out what comes after.")
@@ -142,7 +147,9 @@ class Changes:
 @click.option("--ground", is_flag=True, help="Add a root joint that travels on the ground and faces forward.")
 @click.option("--joints", metavar="NAMES", help="Keep these joints only, separated by commas.")
 @click.option("--fit", type=click.Path(), metavar="FILE", help="Take this file's bone lengths (same joints).")
-@click.option("--unit", type=Length(), help="m, cm, mm, inch, foot or metres a unit.  [default: as they are]")
+@click.option(
+    "--unit", type=Length(), help="m, cm, mm, inch, foot or metres a unit.  [default: as they are; .npz: m]"
+)
 @click.option("--up", type=AXIS, default="y", show_default=True, help="Axis that points up.")
 @click.option("--forward", type=AXIS, help=f"Axis that characters face.  {FORWARD}")
 @click.option("--handedness", type=HAND, default="right", show_default=True, help="Handedness of the axes.")
@@ -154,6 +161,7 @@ def convert(
     source: str,
     target: str | None,
     output: str | None,
+    form: str | None,
     fps: float | None,
     start: float | None,
     stop: float | None,
@@ -173,16 +181,17 @@ def convert(
     source_handedness: str,
     roles: str | None,
 ) -> None:
-    """Convert the motion file IN, or all in the folder IN, to the BVH file or folder OUT.
+    """Convert the motion file IN, or all in the folder IN, to the file (.bvh, .npz) or folder OUT.
 
-    Each file is written whole or not at all.
+    An .npz file keeps all of a clip, roles and every digit too. Of a glTF file with several animations one is
+    named as hero.glb#Walk; all of them go into a folder. Each file is written whole or not at all.
     """
-    from . import bvh
+    from . import writers
 
     if (target is None) == (output is None):
         raise click.UsageError("give one place to write to, as OUT or with -o")
     target = str(target or output)
-    pairs = _targets(Path(source), Path(target), others=(roles, fit))
+    pairs = writers.targets(Path(source), Path(target), form=form, others=(roles, fit))
     changes = Changes(
         source_axes=options.system(source_up, source_forward, source_handedness),
         keep_lead_in=keep_lead_in,
@@ -201,7 +210,7 @@ def convert(
     for path, clip in clips:
         with options.about(path):
             changed = changes.apply(clip)
-        bvh.write(pairs[path], changed, unit_to_m=unit)
+        writers.write(pairs[path], changed, unit_to_m=unit, axes=changes.axes)
     click.echo(f"wrote {len(pairs)} file{'s' * (len(pairs) != 1)} to {target}", err=True)
 
 
@@ -212,35 +221,6 @@ def _short_paths(rows: list[dict[str, Any]]) -> tuple[list[dict[str, Any]], str 
     if not folder or not console.is_terminal(sys.stdout):
         return rows, None
     return [{**row, "file": os.path.relpath(row["file"], folder)} for row in rows], f"in {folder}"
-
-
-def _targets(source: Path, target: Path, *, others: tuple[str | None, ...] = ()) -> dict[Path, Path]:
-    """For each file of source the BVH file to write; refuses to write over an input or two files into one."""
-    from . import files, sources
-
-    found = sources.find([source])
-    whole, there = files.kind(source) == "folder", files.kind(target)
-    single = not whole and target.suffix and there != "folder"
-    if single and target.suffix.lower() != ".bvh":
-        raise UserError(
-            f"cannot write {target.suffix} files", path=target, remedy="name a .bvh file or a folder"
-        )
-    if whole and (there == "file" or target.suffix.lower() == ".bvh"):
-        raise UserError("not a folder", path=target, remedy=f"{source} is a folder, so name one to write to")
-    above = source if whole else source.parent
-    pairs = {f: target if single else target / f.relative_to(above).with_suffix(".bvh") for f in found}
-    taken: dict[Path, Path] = {}
-    inputs = set(map(os.path.realpath, found))
-    for file, out in pairs.items():
-        if os.path.realpath(out) in inputs:
-            raise UserError("would write over its source", path=file, remedy="name another place to write to")
-        if out in taken:
-            raise UserError(
-                f"would be written to {out}, as would {taken[out]}", path=file, remedy="convert them apart"
-            )
-        taken[out] = file
-        files.check_output(out, inputs=others)
-    return pairs
 
 
 def _rounded(value: Any) -> Any:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import struct
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Iterable
@@ -21,6 +22,16 @@ MOST_BYTES = 1 << 30  # of one array: an hour of SMPL-X at 120 frames a second i
 MOST_ARRAYS = 1_000
 _BROKEN = (zipfile.BadZipFile, zlib.error, EOFError, ValueError, OSError, RuntimeError, struct.error)
 # RuntimeError: encrypted members, and NotImplementedError for compressions that are not known.
+_NO_HEADER = (
+    SyntaxError,
+    TypeError,
+    LookupError,
+    AttributeError,
+    ArithmeticError,
+    MemoryError,
+    tokenize.TokenError,
+)
+# What Python's own reader of literals and NumPy's of types make of headers that are neither.
 
 
 @dataclass(frozen=True)
@@ -53,7 +64,7 @@ class Archive:
                 for info in members:
                     key = info.filename.removesuffix(".npy").lower()
                     self.headers[key] = self._header(archive, info)
-        except _BROKEN as error:
+        except (*_BROKEN, *_NO_HEADER) as error:
             raise self.fault(f"not an NPZ file, or cut short: {_line(error)}") from error
         if not self.headers:
             raise self.fault("no arrays in this file")
@@ -80,7 +91,7 @@ class Archive:
     def raw(self, key: str) -> NDArray[Any]:
         """An array of numbers or strings; objects, sizes beyond reason and cut data are UserErrors."""
         header = self.headers[key]
-        if header.dtype.hasobject or header.dtype.kind not in "fiubUS":
+        if header.dtype.hasobject or header.dtype.kind not in "fiubUS" or not header.dtype.itemsize:
             raise self.fault(
                 f"{key} is of type {header.dtype}, which is not read",
                 "save it as an array of numbers or strings; Python objects in files may run any program",
@@ -107,6 +118,10 @@ class Archive:
             raise self.fault(f"{key} is damaged: {_line(error)}") from error
         if len(data) < size:
             raise self.fault(f"{key} is cut short")
+        if header.dtype.kind == "U":
+            codes = np.frombuffer(data, np.dtype(np.uint32).newbyteorder(header.dtype.byteorder))
+            if (codes > 0x10FFFF).any() or ((codes >= 0xD800) & (codes < 0xE000)).any():
+                raise self.fault(f"{key} holds what are no letters")
         found: NDArray[Any] = np.frombuffer(data, header.dtype, count)
         return found.reshape(header.shape, order="F" if header.fortran else "C")
 

@@ -15,11 +15,18 @@ from ..errors import UserError
 FORMAT, VERSION = "motion clip", 1
 
 
-def write(path: str | os.PathLike[str], clip: Clip, *, unit_to_m: float | None = None) -> None:
+def write(
+    path: str | os.PathLike[str],
+    clip: Clip,
+    *,
+    unit_to_m: float | None = None,
+    axes: tuple[str, str, str] = ("y", "z", "right"),
+) -> None:
     """Write a clip as ``.npz``, whole or not at all; the same clip gives the same bytes.
 
-    Lengths are in metres, or divided by unit_to_m. Keys: fps, names, parents, offsets, local_positions,
-    rotations (quaternions w, x, y, z in the parents' frames), and the roles and end sites; see `motion.npz`.
+    Lengths are in metres, or divided by unit_to_m; axes (up, forward, handedness) are those that the clip is
+    in, which the file says. Keys: fps, names, parents, offsets, local_positions, rotations (quaternions w, x,
+    y, z in the parents' frames), and the roles and end sites; see `motion.npz`.
     """
     if len(clip) == 0:
         raise UserError(f"clip {clip.name!r} has no frames", remedy="a file holds at least one")
@@ -32,9 +39,7 @@ def write(path: str | os.PathLike[str], clip: Clip, *, unit_to_m: float | None =
         "version": np.array(VERSION),
         "fps": np.array(float(clip.fps)),
         "unit_to_m": np.array(float(unit)),
-        "up": np.array("y"),
-        "forward": np.array("z"),
-        "handedness": np.array("right"),
+        **{key: np.array(word) for key, word in zip(("up", "forward", "handedness"), axes, strict=True)},
         "names": np.array(skeleton.names),
         "parents": skeleton.parents,
         "offsets": skeleton.offsets / unit,
