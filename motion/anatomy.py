@@ -82,7 +82,7 @@ def anatomy(
 
     Errors: UserError without those roles, and where neither pose nor clip tells how it stands.
     """
-    _require_roles(skeleton)
+    require_roles(skeleton)
     clips = clips[:: 1 + len(clips) // _CLIPS]
     bones = _bones(skeleton, clips)
     if stance is None:
@@ -415,7 +415,8 @@ def _sole(skeleton: Skeleton, clips: Sequence[Clip]) -> float:
     return float(np.median(found[low]))
 
 
-def _require_roles(skeleton: Skeleton) -> None:
+def require_roles(skeleton: Skeleton) -> None:
+    """A UserError unless hips and legs have roles."""
     needed = ["hips", *(f"{side}_{part}" for side in SIDES for part in LEG[:3])]
     missing = [role for role in needed if role not in skeleton.roles]
     if missing:

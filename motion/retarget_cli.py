@@ -1,0 +1,100 @@
+"""``python -m motion retarget``: clips on the skeleton of another file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import click
+
+from . import console, options
+from .errors import UserError
+
+
+@click.command(epilog="Example: python -m motion retarget clips/cmu --to hero.bvh -o out")
+@click.argument("sources", nargs=-1, required=True, metavar="IN...", type=click.Path())
+@click.option(
+    "--to",
+    "rig",
+    required=True,
+    type=click.Path(),
+    metavar="FILE",
+    help="Motion file of the skeleton to use.",
+)
+@click.option(
+    "-o", "--output", required=True, type=click.Path(), metavar="OUT", help="File or folder to write."
+)
+@click.option("--no-feet", is_flag=True, help="Do not hold the feet on the ground where the source's rest.")
+@click.option("--keep-lead-in", is_flag=True, help="Keep a rest pose that stands before the capture.")
+@click.option("--source-fps", type=console.RATE, help="The files' rate, where they state a wrong one.")
+@options.SOURCE_UNIT
+@options.source_axes
+@options.ROLES
+@click.option(
+    "--to-roles", type=click.Path(), metavar="FILE", help="TOML file: the same for the skeleton's joints."
+)
+def retarget(
+    sources: tuple[str, ...],
+    rig: str,
+    output: str,
+    no_feet: bool,
+    keep_lead_in: bool,
+    source_fps: float | None,
+    source_unit: float | None,
+    source_up: str,
+    source_forward: str | None,
+    source_handedness: str,
+    roles: str | None,
+    to_roles: str | None,
+) -> None:
+    """Put the motion of IN (files and folders) on another skeleton, that of a motion file.
+
+    Joints are paired by the roles that they play (see `roles`). Limbs keep the skeleton's lengths; height and
+    travel are scaled by the ratio of leg lengths; feet stand still where they did. Joints without a
+    counterpart follow their parents. Where zero rotations are no standing pose, the files' motion tells how
+    the skeletons stand, so FILE had better hold some walking, or begin with a T-pose.
+    """
+    from . import anatomy, axes, leadin, writers
+    from . import retarget as retargeting
+
+    others = (rig, roles, to_roles)
+    pairs = _pairs(sources, Path(output), others)
+    system = options.system(source_up, source_forward, source_handedness)
+    convention = axes.Convention(up=system[0], forward=system[1], handedness=system[2])
+    model = next(options.clips((rig,), label="reading", roles=to_roles))[1]
+    with options.about(Path(rig)):
+        target = anatomy.anatomy(model.skeleton, [model])
+    found, paths = [], []
+    for path, clip in options.clips(
+        tuple(map(str, pairs)), label="reading", fps=source_fps, unit_to_m=source_unit, roles=roles
+    ):
+        ours = convention.clip_from(clip)
+        paths.append(path)
+        found.append(ours if keep_lead_in else leadin.without_lead_in(ours))
+    for path, clip in zip(paths, found, strict=True):
+        with options.about(path):
+            anatomy.require_roles(clip.skeleton)
+    bodies = anatomy.anatomies(found)
+    work = list(zip(paths, found, bodies, strict=True))
+    for path, clip, body in console.progress(work, label="retargeting", unit="files"):
+        with options.about(path):
+            moved = retargeting.retarget(clip, target, source=body, feet=not no_feet)
+        writers.write(pairs[path], moved)
+    click.echo(f"wrote {len(pairs)} file{'s' * (len(pairs) != 1)} to {output}", err=True)
+
+
+def _pairs(sources: tuple[str, ...], output: Path, others: tuple[str | None, ...]) -> Mapping[Path, Path]:
+    """For each clip the file to write; a UserError where two would be written to one."""
+    from . import writers
+
+    if len(sources) > 1 and output.suffix.lower().removeprefix(".") in writers.WRITERS:
+        raise UserError("not a folder", path=output, remedy="name a folder for several sources")
+    pairs: dict[Path, Path] = {}
+    taken: dict[Path, Path] = {}
+    for source in sources:
+        for path, out in writers.targets(Path(source), output, others=others).items():
+            if taken.setdefault(out, path) != path:
+                what = f"would be written to {out}, as would {taken[out]}"
+                raise UserError(what, path=path, remedy="retarget them apart")
+            pairs[path] = out
+    return pairs
