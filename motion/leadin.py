@@ -34,14 +34,20 @@ def lead_in(clip: Clip) -> int:
     """How many first frames are a rest pose or the blend out of it; 0 for clips that begin with motion."""
     if len(clip) < 3 or len(clip.skeleton) < 2:
         return 0
-    # A blend's first frame may itself be half out of the rest pose: most joints still are at rest.
-    angles = quat.angle_between(clip.rotations[0, 1:], quat.identity(1))
+    # A blend's first frame may itself be half out of the rest pose: most joints still are at rest. Joints that
+    # never leave it (fingers) tell nothing.
+    turns = np.abs(clip.rotations[:, 1:, 0]).min(axis=0) < np.cos(REST_ANGLE / 2)
+    if not turns.any():
+        return 0
+    angles = quat.angle_between(clip.rotations[0, 1:][turns], quat.identity(1))
     frames = min(len(clip) - 1, max(2, round(LONGEST * clip.fps)))
     speeds = _speeds(clip, frames)
     if not (np.median(angles) < REST_ANGLE and speeds[0] > JUMP):
         return 0
+    # What begins in a sprint is never calm: there the speed falls once the blend is over, or it was none.
     calm = np.flatnonzero(speeds < CALM)
-    return int(calm[0]) if len(calm) else frames
+    slower = calm if len(calm) else np.flatnonzero(speeds < speeds[0] / 2)
+    return int(slower[0]) if len(slower) else 0
 
 
 def without_lead_in(clip: Clip) -> Clip:
