@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import struct
 import tokenize
+import warnings
 import zipfile
 import zlib
 from collections.abc import Iterable
@@ -74,7 +75,8 @@ class Archive:
         return UserError(what, path=self.path, remedy=remedy)
 
     def _header(self, archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> Header:
-        with archive.open(info) as stream:
+        with archive.open(info) as stream, warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # that Python 2 wrote it
             version = np.lib.format.read_magic(stream)
             if version == (1, 0):
                 shape, fortran, dtype = np.lib.format.read_array_header_1_0(stream)
