@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import base64
 import hashlib
+import io
 import json
+import struct
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -169,3 +172,70 @@ def reference_features() -> bytes:
     table, vector = np.zeros((5, 3), "<f4"), np.ones(3, "<f4")
     size = np.array([3], "<i4").tobytes()
     return np.array([5, 3], "<i4").tobytes() + table.tobytes() + 2 * (size + vector.tobytes())
+
+
+def gltf(*, binary: bool) -> bytes:
+    """An animation of 5 keys on 4 nodes, as GLB or as glTF with its buffer inside."""
+    rotations = chain()[1]
+    blocks: dict[str, np.ndarray] = {
+        "times": np.arange(5) / 30,
+        "places": np.linspace(0, 1, 15).reshape(5, 3),
+        **{f"turns_{j}": rotations[:, j, [1, 2, 3, 0]] for j in range(4)},
+        "inverse": np.tile(np.eye(4), (4, 1, 1)).reshape(4, 16),
+    }
+    body, views, accessors = b"", [], []
+    for values in blocks.values():
+        data = values.astype("<f4").tobytes()
+        views.append({"buffer": 0, "byteOffset": len(body), "byteLength": len(data)})
+        kind = {1: "SCALAR", 3: "VEC3", 4: "VEC4", 16: "MAT4"}[values.size // len(values)]
+        accessors.append(
+            {"bufferView": len(views) - 1, "componentType": 5126, "count": len(values), "type": kind}
+        )
+        body += data
+    accessors[0] |= {"min": [0.0], "max": [4 / 30]}
+    samplers = [{"input": 0, "output": k} for k in range(1, 6)]
+    channels = [{"sampler": 0, "target": {"node": 0, "path": "translation"}}]
+    channels += [{"sampler": 1 + j, "target": {"node": j, "path": "rotation"}} for j in range(4)]
+    nodes: list[dict[str, object]] = [{"name": f"joint {j}", "translation": [0, 0.5, 0]} for j in range(4)]
+    nodes[0]["children"], nodes[1]["children"] = [1], [2, 3]
+    nodes[3] |= {"rotation": [0, 0, 0, 1], "scale": [1, 1, 1]}
+    data = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": nodes,
+        "skins": [{"joints": [0, 1, 2, 3], "inverseBindMatrices": 6}],
+        "animations": [{"name": "walk", "samplers": samplers, "channels": channels}],
+        "buffers": [{"byteLength": len(body)}],
+        "bufferViews": views,
+        "accessors": accessors,
+    }
+    if not binary:
+        uri = "data:application/octet-stream;base64," + base64.b64encode(body).decode()
+        return json.dumps(data | {"buffers": [{"byteLength": len(body), "uri": uri}]}, indent=1).encode()
+    text = json.dumps(data).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(body), b"BIN\0") + body
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+def npz(**arrays: object) -> bytes:
+    """An archive of arrays."""
+    out = io.BytesIO()
+    np.savez(out, **arrays)  # type: ignore[arg-type]
+    return out.getvalue()
+
+
+def npz_files() -> list[bytes]:
+    """Motion as rotations, as places, and as SMPL parameters."""
+    parents, rotations = chain()
+    offsets = np.ones((4, 3))
+    places = np.cumsum(np.tile(offsets, (5, 1, 1)), axis=1) + np.arange(5)[:, None, None] / 10
+    common = {"fps": 30, "parents": parents, "names": ["hips", "spine", "a", "b"]}
+    smpl = np.linspace(-1, 1, 5 * 72).reshape(5, 72)
+    return [
+        npz(**common, rotations=rotations, offsets=offsets, root_positions=places[:, 0], unit="cm", up="z"),
+        npz(**common, positions=places),
+        npz(**common, euler=np.zeros((5, 4, 3)), euler_order="zxy", angle_unit="degrees", positions=places),
+        npz(mocap_framerate=60.0, poses=smpl, trans=places[:, 0], betas=np.zeros(10), gender="neutral"),
+    ]

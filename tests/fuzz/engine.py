@@ -12,13 +12,11 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
-import os
 import random
 import resource
 import sys
 import time
 import traceback
-import warnings
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -52,10 +50,6 @@ def main(name: str, folder: Path, seconds: int, seed: int) -> None:
     import atheris
 
     sys.path.insert(0, str(ROOT))
-    warnings.simplefilter("error")
-    warnings.filterwarnings("ignore", category=DeprecationWarning)
-    if os.environ.get("NUMBA_DISABLE_JIT") == "1":  # plain integers wrap as compiled ones do, but say so
-        warnings.filterwarnings("ignore", "overflow encountered in scalar", RuntimeWarning)
     with atheris.instrument_imports(include=PACKAGES):
         from . import targets
 

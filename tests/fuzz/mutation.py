@@ -143,15 +143,7 @@ def in_zip(rng: random.Random, data: bytes) -> bytes:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             members = {name: archive.read(name) for name in archive.namelist()[:50]}
-    except (
-        zipfile.BadZipFile,
-        OSError,
-        EOFError,
-        ValueError,
-        NotImplementedError,
-        RuntimeError,
-        MemoryError,
-    ):
+    except Exception:  # no archive any more, in one of many ways
         return data
     if members:
         name = rng.choice(list(members))

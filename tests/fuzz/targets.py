@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import functools
 import random
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numba
 import numpy as np
 
 from motion import bvh, sources
 from motion.clip import Clip
-from motion.errors import UserError
+from motion.errors import Note, UserError
 from motion.skeleton import Skeleton
 
 from . import documents, mutation
@@ -56,12 +58,19 @@ def run(target: Target, data: bytes, folder: Path) -> str:
         if not (folder / name).exists():
             (folder / name).write_bytes(content)
     path.write_bytes(data)
-    try:
-        result = target.read(path)
-    except UserError as error:
-        _check_error(error, data)
-        return "refused"
-    target.check(result)
+    with warnings.catch_warnings():
+        warnings.simplefilter(
+            "error"
+        )  # a remark of NumPy's on the way is a defect, a note to the user is not
+        warnings.simplefilter("ignore", Note)
+        if numba.config.DISABLE_JIT:  # plain integers wrap as compiled ones do, but say so
+            warnings.filterwarnings("ignore", "overflow encountered in scalar", RuntimeWarning)
+        try:
+            result = target.read(path)
+        except UserError as error:
+            _check_error(error, data)
+            return "refused"
+        target.check(result)
     return "read"
 
 
@@ -112,8 +121,7 @@ def _check_skeleton(skeleton: Skeleton) -> None:
 
 
 def _load_all(path: Path) -> Sequence[Clip]:
-    load_all = getattr(sources, "load_all", None)
-    return load_all(path) if load_all is not None else [sources.load(path)]
+    return sources.load_all(path)
 
 
 def _bvh() -> Target:
@@ -167,6 +175,24 @@ def _toml(seed: bytes, read: Callable[[Path], Any], *modules: str) -> Target:
         ("motion/config.py", *modules),
         documents.TOML_WORDS,
     )
+
+
+def _glb() -> Target:
+    seeds = [documents.gltf(binary=True)]
+    modules = ("motion/gltf/",)
+    return Target(".glb", lambda: seeds, _load_all, _check_clips, modules, inside=mutation.in_glb)
+
+
+def _gltf() -> Target:
+    seeds = [documents.gltf(binary=False)]
+    modules = ("motion/gltf/",)
+    return Target(".gltf", lambda: seeds, _load_all, _check_clips, modules, inside=mutation.in_json)
+
+
+def _npz() -> Target:
+    modules = ("motion/npz/",)
+    seeds = documents.npz_files
+    return Target(".npz", seeds, _load_all, _check_clips, modules, inside=mutation.in_zip)
 
 
 def _roles() -> Target:
@@ -321,6 +347,9 @@ TARGETS: dict[str, Callable[[], Target]] = {
     "bvh": _bvh,
     "asf": _asf,
     "amc": _amc,
+    "glb": _glb,
+    "gltf": _gltf,
+    "npz": _npz,
     "roles": _roles,
     "schema": _schema,
     "settings": _settings,
