@@ -14,6 +14,7 @@ from . import console, options
 from .checking.cli import check
 from .fetching.cli import fetch
 from .options import AXIS, FORWARD, HAND, ROLES, SOURCE_UNIT, TIME, Length, source_axes
+from .retarget_cli import retarget
 
 if TYPE_CHECKING:
     from .clip import Clip
@@ -26,6 +27,7 @@ def main() -> None:
 
 main.add_command(fetch)
 main.add_command(check)
+main.add_command(retarget)
 
 
 @main.command(epilog="Example: python -m motion info clips/walk.bvh clips/cmu --json")
