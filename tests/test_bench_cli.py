@@ -131,7 +131,9 @@ def test_bad_input_is_one_clear_line(case, db, tmp_path):
     assert sorted(tmp_path.iterdir()) == before
 
 
-@pytest.mark.parametrize("command", ["compare", "search", "crowd", "reading", "build"])
+@pytest.mark.parametrize(
+    "command", ["compare", "likeness", "coverage", "search", "crowd", "reading", "build"]
+)
 def test_help_ends_with_an_example(command):
     shown = bench(command, "--help").stdout
     assert f"Example: python -m bench {command}" in " ".join(shown.split())

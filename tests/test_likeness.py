@@ -61,6 +61,7 @@ def about(axis: str, degrees: float) -> np.ndarray:
         ({"speed": 1.2, "turn": -0.5}, "walk-turn 30"),
         ({"speed": 3.0, "gait": "run", "turn": 0.6}, "run-turn 30"),
         ({"speed": -0.9}, "backward"),
+        ({"speed": -2.0, "gait": "run"}, "backward-run"),
         ({"speed": 0.0, "gait": "stand"}, "stand"),
     ],
 )
@@ -328,8 +329,10 @@ def test_strips_show_both_at_the_same_shares_of_the_cycle(folders):
     found = compare.compare([folders / "wide"], [folders / "plain"])
     films = []
     for side in (found.a, found.b):
-        passage = side.typical("walk 1.25", 1.22)
+        passage = side.typical("walk 1.25")
         assert passage.side == "left" and passage.speed == pytest.approx(1.22, abs=0.03)
+        like = found.a.typical("walk 1.25", side.passages["walk 1.25"][-1])
+        assert like.speed == pytest.approx(side.passages["walk 1.25"][-1].speed, abs=0.01)
         (frames,), labels = pictures._instants([passage])
         assert labels[0] == "0 %" and labels[-1] == "100 %"
         films.append(pictures.Film.of(passage, frames))

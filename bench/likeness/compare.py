@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from motion import sources
 from motion.errors import UserError
 
+from .. import metrics
 from . import measures, moves
 from .body import Body
 from .measures import Gauge
@@ -65,12 +66,14 @@ class Side:
                 rows.append({name: value for name, (value, _) in found.items()})
             self.numbers[move] = pd.DataFrame(rows)
 
-    def typical(self, move: str, speed: float, turn: float | None = None) -> Passage:
-        """The passage nearest to a speed and turn rate, in the middle of what this source does there."""
+    def typical(self, move: str, like: Passage | None = None) -> Passage:
+        """The passage in the middle of what this source does there; near to the speed and side of another."""
         table, passages = self.numbers[move], self.passages[move]
-        far = 3 * np.abs(table["speed"].to_numpy() - speed) / max(0.05, 0.1 * speed)
-        if turn is not None and abs(turn) > moves.TURNING:
-            far = far + np.abs(np.array([p.turn for p in passages]) - turn) / 10
+        speed = like.speed if like else float(table["speed"].median())
+        far = (15 if like else 3) * np.abs(table["speed"].to_numpy() - speed) / max(0.05, 0.1 * speed)
+        if like:
+            far = far + np.abs(np.array([p.turn for p in passages]) - like.turn) / 10
+            far = far + np.abs(metrics.wrap(np.radians([p.angle - like.angle for p in passages]))) / 0.3
         for name in TYPICAL:
             if name in table and table[name].notna().any():
                 values = table[name]

@@ -93,7 +93,8 @@ def split(values: Array, fps: float, bands: tuple[float, ...]) -> Array:
     """Values [T, ...] split by frequency, [B, T, ...]; bands are B + 1 edges in Hz.
 
     By the discrete Fourier transform of the signal continued at both ends by its point reflection, which has
-    neither a jump nor a kink there. What lies below the first and above the last edge is lost.
+    neither a jump nor a kink there. Edges belong to the band above, the last to the one below; what lies
+    outside of them is lost.
     """
     count = len(values)
     left, right = 2 * values[:1] - values[:0:-1], 2 * values[-1:] - values[-2::-1]
@@ -102,7 +103,7 @@ def split(values: Array, fps: float, bands: tuple[float, ...]) -> Array:
     frequency = np.fft.rfftfreq(len(longer), 1 / fps)
     out = np.empty((len(bands) - 1, *values.shape))
     for i, (low, high) in enumerate(pairwise(bands)):
-        keep = (frequency >= low) & (frequency < high)
+        keep = (frequency >= low) & ((frequency < high) | (high == bands[-1]) & (frequency == high))
         part = spectrum * keep.reshape(-1, *[1] * (values.ndim - 1))
         out[i] = np.fft.irfft(part, len(longer), axis=0)[count - 1 : 2 * count - 1]
     return out
@@ -125,7 +126,7 @@ def curves(gauge: Gauge, passage: Passage) -> dict[str, Array]:
     thigh = between(f"{near}_up_leg", f"{near}_leg")
     shank = between(f"{near}_leg", f"{near}_foot")
     out["hip"] = _lean(thigh, forward)
-    out["hip_abduction"] = _lean(thigh, aside)
+    out["hip_abduction"] = _aside(thigh, aside)
     out["knee"] = angle(thigh, shank)
     if f"{near}_foot" in gauge.soles:
         out["foot"] = _pitch(body, gauge, f"{near}_foot", frames)
@@ -151,7 +152,7 @@ def curves(gauge: Gauge, passage: Passage) -> dict[str, Array]:
     top = next((role for role in ("neck", "chest", "head") if body.has(role)), None)
     if top is not None:
         trunk = between("hips", top) * [1, -1, 1]
-        out["trunk_lean"], out["trunk_side"] = _lean(trunk, forward), _lean(trunk, aside)
+        out["trunk_lean"], out["trunk_side"] = _lean(trunk, forward), _aside(trunk, aside)
     if body.has(f"{near}_arm", f"{near}_forearm"):
         upper = between(f"{near}_arm", f"{near}_forearm")
         out["shoulder"] = _lean(upper, forward)
@@ -248,6 +249,12 @@ def angle(u: Array, v: Array) -> Array:
 def _lean(down: Array, direction: Array) -> Array:
     """Degrees [T] by which what points down [T, 3] swings towards a level direction [T, 3]."""
     return np.degrees(np.arctan2(np.sum(down * direction, axis=-1), -down[:, 1]))
+
+
+def _aside(limb: Array, direction: Array) -> Array:
+    """Degrees [T] by which a limb [T, 3] leaves the plane that a level direction [T, 3] stands upright on."""
+    share = np.sum(limb * direction, axis=-1) / np.maximum(np.linalg.norm(limb, axis=-1), 1e-9)
+    return np.degrees(np.arcsin(np.clip(share, -1, 1)))
 
 
 def _heading(body: Body, passage: Passage, frames: slice) -> Array:

@@ -141,12 +141,9 @@ def _name(gait: str, speed: float, turn: float, angle: float) -> str | None:
     if abs(turn) > TURNING:
         rate = next((name for most, name in TURNS.items() if abs(turn) < most), None)
         return f"{gait}-turn {rate}" if rate and angle < 45 and gait != "crouch" else None
-    if angle > BACK:
-        return "backward" if gait != "crouch" else None
-    if ASIDE[0] < angle < ASIDE[1]:
-        return "sidestep" if gait != "crouch" else None
     if angle > AHEAD:
-        return None
+        aside = "sidestep" if ASIDE[0] < angle < ASIDE[1] else "backward" if angle > BACK else None
+        return aside and {"walk": aside, "run": f"{aside}-run"}.get(gait)
     if gait == "crouch":
         return "crouch"
     middles, half = (WALKS, WALK_BIN) if gait == "walk" else (RUNS, RUN_BIN)

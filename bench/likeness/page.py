@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import html
 import math
 from collections.abc import Callable, Iterator
 from importlib import resources
@@ -86,7 +85,7 @@ def number(value: Any) -> str:
         return "yes" if value else "no"
     if isinstance(value, float):
         return f"{value:.0f}" if abs(value) >= 100 else f"{value:.1f}" if abs(value) >= 10 else f"{value:.2f}"
-    return html.unescape(str(value))
+    return str(value)
 
 
 def rows(table: pd.DataFrame) -> list[dict[str, Any]]:

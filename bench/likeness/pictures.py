@@ -35,12 +35,12 @@ def strip(likeness: Likeness, move: str) -> Any:
     """
     from matplotlib.figure import Figure
 
-    theirs = likeness.b.typical(move, float(likeness.b.numbers[move]["speed"].median()))
-    pairs = [("A", likeness.a.typical(move, theirs.speed, theirs.turn)), ("B", theirs)]
+    theirs = likeness.b.typical(move)
+    pairs = [("A", likeness.a.typical(move, theirs)), ("B", theirs)]
     instants, labels = _instants([passage for _, passage in pairs])
     films = [Film.of(passage, frames) for (_, passage), frames in zip(pairs, instants, strict=True)]
-    cell = max(film.size(view)[0] for film in films for view in VIEWS) + 0.08
     tall = 1.04 * max(film.size("side")[1] for film in films)
+    cell = max(0.6 * tall, 0.08 + max(film.size(view)[0] for film in films for view in VIEWS))
     heights = {"side": 1.22 * tall, "front": 1.1 * tall, "top": max(f.size("top")[1] for f in films) + 0.1}
     scale, total = WIDTH / (cell * POSES), 2 * sum(heights.values())
     picture = Figure(figsize=(WIDTH, scale * total + TITLE))
@@ -78,11 +78,13 @@ def _instants(passages: list[Passage]) -> tuple[list[Array], list[str]]:
 @dataclass(frozen=True, eq=False)
 class Film:
     """S poses of a passage: skeleton, world positions [S, J, 3] whose joint 0 is the eye's place on the
-    ground, where the eye takes the front to be [S], which feet (joints) stand [S, 2]."""
+    ground, where the eye takes the front to be, yaws [S], and seen from the top, up [S], and which feet
+    (joints) stand, low [S, 2]."""
 
     skeleton: Skeleton
     poses: Array
     yaws: Array
+    up: Array
     low: NDArray[np.bool_]
     feet: list[int]
 
@@ -92,7 +94,8 @@ class Film:
 
         A steady eye goes with a cycle, on the straight line and with the even turn that lead from its first
         frame to its last: so what sways, leans and rotates is seen to. With other passages it goes the
-        smoothed way; it keeps its direction but for turns on the spot, with which it turns.
+        smoothed way; it keeps its direction but for turns on the spot, with which it turns. From the top it
+        does not, so that a turn shows.
         """
         body = passage.body
         at = np.clip(np.round(frames).astype(np.int64), 0, len(body) - 1)
@@ -109,19 +112,21 @@ class Film:
             yaws = yaws if passage.move == "turn" else np.full(len(at), float(yaws.mean()))
         poses[:, 0] = np.stack([way[:, 0], 0 * way[:, 0], way[:, 1]], axis=-1)
         feet = [body.skeleton.role(body.toe(side)) for side in SIDES]
-        return Film(skeleton, poses, yaws, body.stands[at], feet)
+        up = yaws if passage.side else np.full(len(at), yaws[0])
+        return Film(skeleton, poses, yaws, up, body.stands[at], feet)
 
     def size(self, view: str) -> tuple[float, float]:
         """Metres that the widest pose takes, and the tallest from the ground (from the top: all about it)."""
-        eye = [strips.project(p, yaw, view)[1:] for p, yaw in zip(self.poses, self.yaws, strict=True)]
-        flat = np.stack(eye)
+        yaws = self.up if view == "top" else self.yaws
+        flat = np.stack([strips.project(p, yaw, view)[1:] for p, yaw in zip(self.poses, yaws, strict=True)])
         tall = 2 * np.abs(flat[..., 1]).max() if view == "top" else flat[..., 1].max()
         return float(np.ptp(flat[..., 0], axis=1).max()), float(tall)
 
     def draw(self, axes: Any, view: str, cell: float, height: float) -> None:
         """On matplotlib axes; see `bench.strips.draw`."""
         shown = {"low": self.low, "feet": self.feet, "view": view, "cell": cell, "height": height}
-        strips.draw(axes, self.skeleton, self.poses, self.yaws, **shown)  # type: ignore[arg-type]
+        yaws = self.up if view == "top" else self.yaws
+        strips.draw(axes, self.skeleton, self.poses, yaws, **shown)  # type: ignore[arg-type]
 
 
 def with_tips(skeleton: Skeleton, positions: Array, rotations: Array) -> tuple[Skeleton, Array]:
@@ -225,6 +230,7 @@ def spectra_figure(likeness: Likeness, move: str) -> Any:
         axes.plot(at, bands["b"], "o-", color=B_COLOUR, markersize=3, label="B, 10 to 90 %")
         axes.plot(at, bands["a"], "o-", color=A_COLOUR, markersize=3, label="A, median")
         axes.set_yscale("log")
+        axes.minorticks_off()
         axes.set_xticks(at, bands["band"])
         axes.set_title(joint, fontsize=10, loc="left")
         axes.grid(True, color="#dddddd", linewidth=0.5)
