@@ -111,6 +111,7 @@ class Controller:
         self._playing, self._shown = Poses.empty(count, joints), Poses.empty(count, joints)
         self._offsets = np.zeros((count, joints, 4, 3), np.float32)
         self._contacts = np.zeros((count, feet), np.uint8)
+        self._planted = np.zeros((count, feet), np.uint8)
         # What is shown differs from what the next transition starts from by the locked legs' rotations only.
         self._rotations = self._shown.rotations.copy()
         shown = self._shown
@@ -331,6 +332,11 @@ class Controller:
             now = time.perf_counter()
             self.stage_seconds[stage] = now - self._lap_start
             self._lap_start = now
+
+    def planted(self) -> NDArray[np.uint8]:
+        """Which feet the last step held on the ground [N, C]; valid until the next one."""
+        np.copyto(self._planted, self._feet["locked"], casting="unsafe")
+        return self._planted
 
     def record(self) -> dict[str, NDArray]:
         """What the last step did; copies with leading axis N. Keys: see `mm.recording`."""

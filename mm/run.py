@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from motion import console
 from motion.errors import UserError
+from motion.options import AXIS, FORWARD, HAND, ROLES, Length, about, clips, system
 
 if TYPE_CHECKING:
+    from motion.anatomy import Anatomy
+
     from .course import Course
     from .database import Database
     from .recording import Recording
+    from .rigged import Rigged
 
 # How many characters of a crowd are kept when no recording is asked for: enough for the summary.
 KEPT = 16
@@ -42,11 +47,34 @@ KEPT = 16
 @click.option("--no-foot-lock", is_flag=True, help="Do not hold the feet on the ground.")
 @click.option("--require-tag", multiple=True, metavar="NAME", help="Play frames with this tag.  [repeatable]")
 @click.option("--forbid-tag", multiple=True, metavar="NAME", help="Play none with this tag.  [repeatable]")
+@click.option(
+    "--rig", type=click.Path(), metavar="FILE", help="Drive the skeleton of this motion file; -o writes that."
+)
+@ROLES
+@click.option("--up", type=AXIS, default="y", show_default=True, help="Axis that points up in OUT.bvh.")
+@click.option("--forward", type=AXIS, help=f"Axis that characters face in it.  {FORWARD}")
+@click.option("--handedness", type=HAND, default="right", show_default=True, help="Handedness of its axes.")
+@click.option("--unit", type=Length(), default="m", show_default=True, help="m, cm, ... or metres a unit.")
 @console.json_option
-def run(db: str, output: str | None, tape: str | None, character: int, as_json: bool, **options: Any) -> None:
+def run(
+    db: str,
+    output: str | None,
+    tape: str | None,
+    character: int,
+    rig: str | None,
+    roles: str | None,
+    up: str,
+    forward: str | None,
+    handedness: str,
+    unit: float,
+    as_json: bool,
+    **options: Any,
+) -> None:
     """Drive characters over a course by motion matching.
 
-    DB is a database that `build` wrote. The course's speeds are scaled to those of the data.
+    DB is a database that `build` wrote. The course's speeds are scaled to those of the data. With --rig each
+    character poses a rig of other joints and lengths at run time, by the roles of its joints; the world is
+    as much larger for it as its legs are longer.
 
     \b
     A course file (`courses NAME -o FILE` writes a ready-made one to edit):
@@ -54,20 +82,28 @@ def run(db: str, output: str | None, tape: str | None, character: int, as_json: 
       waypoints = [{ position = [0, 0], speed = 1.4 },
                    { position = [4, 6], speed = 3.0, gait = "run" }]
     """
-    from motion import bvh
+    from motion import axes, bvh
 
     from .database import Database
 
-    _check_outputs((output, tape), (db, options["settings"]), options["course_name"])
+    if rig is None and roles is not None:
+        raise click.UsageError("--roles are those of the rig's joints: give --rig FILE too")
+    up, forward, handedness = system(up, forward, handedness)
+    convention = axes.Convention(up=up, forward=forward, handedness=handedness)
+    _check_outputs((output, tape), (db, options["settings"], rig, roles), options["course_name"])
     if character >= options["count"]:
         raise UserError(f"no character {character}", remedy=f"there are {options['count']}, counted from 0")
     keep = None if tape else max(character + 1, KEPT)
-    recording = _drive(Database.load(db), keep=keep, **options)
+    database = Database.load(db)
+    body = None if rig is None else _rig(rig, roles)
+    recording, shown = _drive(database, keep=keep, body=body, **options)
     if output:
-        bvh.write(output, recording.clip(character), decimals=5)
+        clip = recording.clip(character) if shown is None else shown.clip(recording, character)
+        bvh.write(output, convention.clip_to(clip), decimals=5, unit_to_m=unit)
     if tape:
         recording.save(tape)
-    facts = {"database": db, **summarise(recording, options["count"]), "output": output, "recording": tape}
+    facts = {"database": db, **summarise(recording, options["count"])}
+    facts |= {"rig": rig, "output": output, "recording": tape}
     if as_json:
         console.print_json(facts)
     else:
@@ -90,9 +126,19 @@ def _check_outputs(
         taken.append(output)
 
 
+def _rig(file: str, roles: str | None) -> Anatomy:
+    """The anatomy of a motion file's skeleton."""
+    from motion.anatomy import anatomy
+
+    _, clip = next(clips((file,), label="reading", roles=roles))
+    with about(Path(file)):
+        return anatomy(clip.skeleton, [clip])
+
+
 def _drive(
     database: Database,
     *,
+    body: Anatomy | None,
     course_name: str,
     count: int,
     spread: bool,
@@ -104,7 +150,7 @@ def _drive(
     forbid_tag: tuple[str, ...],
     keep: int | None,
     **scaling: Any,
-) -> Recording:
+) -> tuple[Recording, Rigged | None]:
     from dataclasses import replace
 
     from motion import config
@@ -113,6 +159,7 @@ def _drive(
     from .controller import Controller
     from .driver import Driver
     from .recording import record
+    from .rigged import Rigged
     from .settings import Settings
 
     chosen = config.load(Settings, settings) if settings else Settings()
@@ -124,7 +171,9 @@ def _drive(
     driver = Driver(
         course, count, controller.fps, spread=spread, required_tags=masks[0], forbidden_tags=masks[1]
     )
-    return record(controller, course, seconds=seconds, characters=keep, driver=driver)
+    rigged = None if body is None else Rigged(controller, body)
+    recording = record(rigged or controller, course, seconds=seconds, characters=keep, driver=driver)
+    return recording, rigged
 
 
 def _tag_masks(database: Database, required: tuple[str, ...], forbidden: tuple[str, ...]) -> tuple[int, int]:

@@ -1,0 +1,102 @@
+"""A system whose characters drive a rig of their own, by run-time retargeting."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motion import quat
+from motion.anatomy import Anatomy, anatomy
+from motion.clip import Clip
+from motion.pose import Poses
+from motion.retargeter import Retargeter
+
+from .control import Command
+from .controller import Controller
+from .database import Database
+from .recording import Recording
+
+
+class Rigged:
+    """A controller that also poses N rigs; implements `mm.control.System`, of the controller's skeleton.
+
+    Parameters
+    ----------
+    controller : what drives.
+    target : the rig's anatomy.
+    compiled : see `motion.retargeter.Retargeter`.
+
+    `rigs` are the poses of the last step. Their world is the controller's times `retargeter.plan.scale`;
+    a recording holds them as rig_positions and rig_rotations.
+    """
+
+    def __init__(self, controller: Controller, target: Anatomy, *, compiled: bool = True) -> None:
+        self.controller = controller
+        self.name, self.skeleton = controller.name, controller.skeleton
+        self.fps, self.count = controller.fps, controller.count
+        self.database, self.settings = controller.database, controller.settings
+        self.retargeter = Retargeter(
+            of_database(controller.database),
+            target,
+            controller.count,
+            contact_roles=controller.database.contact_roles,
+            foot_halflife=controller.settings.foot_halflife,
+            unlock_radius=controller.settings.unlock_radius,
+            compiled=compiled,
+        )
+        self.rigs = Poses.empty(self.count, len(self.retargeter.skeleton))
+        self.stage_seconds: dict[str, float] = {}
+
+    @property
+    def timed(self) -> bool:
+        return self.controller.timed
+
+    @timed.setter
+    def timed(self, on: bool) -> None:
+        self.controller.timed = on
+
+    def reset(self, positions: NDArray[np.float32], yaws: NDArray[np.float32]) -> None:
+        self.controller.reset(positions, yaws)
+        self.retargeter.reset()
+
+    def step(self, command: Command) -> Poses:
+        poses = self.controller.step(command)
+        start = time.perf_counter()
+        contacts = self.controller.planted() if self.settings.foot_lock else None
+        self.rigs = self.retargeter.step(poses, contacts, 1 / self.fps)
+        if self.timed:
+            took = time.perf_counter() - start
+            self.stage_seconds = {**self.controller.stage_seconds, "retargeting": took}
+        return poses
+
+    def record(self) -> dict[str, NDArray]:
+        rigs = {"rig_positions": self.rigs.positions.copy(), "rig_rotations": self.rigs.rotations.copy()}
+        return self.controller.record() | rigs
+
+    def memory(self) -> dict[str, int]:
+        poses = sum(array.nbytes for array in self.rigs.arrays().values()) // self.count
+        return self.controller.memory() | {"rig": poses}
+
+    def clip(self, recording: Recording, character: int = 0) -> Clip:
+        """One rig's motion in a recording of this system."""
+        arrays = {
+            "positions": recording["rig_positions"],
+            "rotations": recording["rig_rotations"],
+        }
+        shown = Recording(self.name, self.retargeter.skeleton, recording.fps, arrays, course=recording.course)
+        return shown.clip(character)
+
+
+def of_database(database: Database, ranges: int = 40) -> Anatomy:
+    """The anatomy of a database's skeleton, as some of its ranges show it."""
+    chosen = range(0, len(database.starts), 1 + len(database.starts) // ranges)
+    return anatomy(database.skeleton, [_clip(database, i) for i in chosen])
+
+
+def _clip(database: Database, i: int) -> Clip:
+    poses = database.poses[slice(int(database.starts[i]), int(database.stops[i]))]
+    rotations = quat.normalize(poses.rotations.astype(np.float64))
+    positions = poses.positions.astype(np.float64)
+    return Clip(database.names[i], database.skeleton, database.fps, positions, rotations)
