@@ -265,7 +265,13 @@ def likeness(
     if as_json:
         console.print_json(page.to_json(result))
     else:
-        console.print_table(result.summary(), title=f"A: {a}, B: {b}")
+        console.print_table(page.rounded(result.summary()), title=f"A: {a}, B: {b}")
+        often = result.by_measure(worst)
+        if often:
+            print()
+            console.print_table(
+                page.rounded(often), title="Outside of B's spread most often; medians over moves"
+            )
         rows = result.table if full else result.worst(worst)
         if len(rows):
             print()

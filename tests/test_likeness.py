@@ -242,6 +242,16 @@ def test_feet_that_slide_are_told_by_how_much():
     assert numbers(clip.replace(positions=sunk), "walk 1.25")["foot below y = 0"].median() > 2
 
 
+def test_a_toe_that_never_bends_was_not_captured():
+    clip = walk(speed=1.2)
+    assert "toe range" in numbers(clip, "walk 1.25")
+    stiff = clip.rotations.copy()
+    for side in ("Left", "Right"):
+        stiff[:, clip.skeleton.index(f"{side}Toe")] = [1, 0, 0, 0]
+    found = numbers(clip.replace(rotations=stiff), "walk 1.25")
+    assert "toe range" not in found and "ankle range" in found
+
+
 def test_bands_hold_the_sinusoid_that_was_put_in_and_sum_to_the_signal():
     time = np.arange(400) / 60
     slow, quick = 2 * np.sin(2 * np.pi * 3 * time), 0.5 * np.cos(2 * np.pi * 10 * time)
@@ -312,7 +322,7 @@ def test_a_source_lies_inside_of_itself(folders):
     assert found.moves == ["walk 1.25"]
     assert found.table["inside"].all()
     assert found.table["off"].abs().max() < 1e-6
-    assert found.worst(10).empty
+    assert found.worst(10).empty and found.by_measure() == []
 
 
 def test_what_differs_is_found_and_nothing_else(folders):
@@ -320,6 +330,9 @@ def test_what_differs_is_found_and_nothing_else(folders):
     table = found.table.set_index("measure")
     assert not table.loc["shoulder range", "inside"] and table.loc["shoulder range", "off"] > 5
     assert table.loc["shoulder range", "a"] == pytest.approx(1.8 * table.loc["shoulder range", "b"], rel=0.02)
+    often = {row["measure"]: row for row in found.by_measure()}
+    assert often["shoulder range"]["inside"] == 0 and often["shoulder range"]["moves"] == 1
+    assert "knee range" not in often
     assert found.worst(3)["measure"].str.contains("shoulder|elbow|wrist").all()
     for name in ("knee range", "cadence", "hips 1-2 Hz", "duty", "head jerk"):
         assert table.loc[name, "inside"], name

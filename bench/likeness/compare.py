@@ -116,6 +116,24 @@ class Likeness:
             rows.append(row)
         return rows
 
+    def by_measure(self, count: int | None = None) -> list[dict[str, Any]]:
+        """A row a measure that is outside in some move, over all moves; the most often outside first."""
+        known = self.table[self.table["inside"].notna()]
+        rows = [
+            {
+                "measure": name,
+                "unit": part["unit"].iloc[0],
+                "moves": len(part),
+                "inside": float(part["inside"].astype(float).mean()),
+                "median off": float(part["off"].median()),
+                "A": float(part["a"].median()),
+                "B": float(part["b"].median()),
+            }
+            for name, part in known.groupby("measure", sort=False)
+        ]
+        rows.sort(key=lambda row: (row["inside"], -abs(row["median off"])))
+        return [row for row in rows if row["inside"] < 1][:count]
+
     def worst(self, count: int) -> pd.DataFrame:
         """The rows farthest outside of b's spread."""
         outside = self.table[self.table["inside"] == False]  # noqa: E712

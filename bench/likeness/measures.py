@@ -29,6 +29,7 @@ POINTS = 101  # of a curve over the cycle, 0 to 100 per cent
 BANDS = (0, 1, 2, 4, 8, 15, 30)  # Hz
 JOINTS = ("hips", "chest", "head", "leg", "foot", "toe", "arm", "forearm", "hand")  # both sides together
 JOINT_NAMES = {"leg": "knee", "foot": "ankle", "arm": "shoulder", "forearm": "elbow", "hand": "wrist"}
+STIFF = 0.5  # degrees: a toe that bends less in all of a clip was not captured
 PLANTED = (0.35, 0.7)  # share of a stance in which the toe is planted: foot flat to heel off
 
 
@@ -131,7 +132,7 @@ def curves(gauge: Gauge, passage: Passage) -> dict[str, Array]:
     if f"{near}_foot" in gauge.soles:
         out["foot"] = _pitch(body, gauge, f"{near}_foot", frames)
         out["ankle"] = out["foot"] + _lean(-shank * [1, -1, 1], forward)
-        if f"{near}_toe" in gauge.soles:
+        if f"{near}_toe" in gauge.soles:  # not where it was not captured
             out["toe"] = _pitch(body, gauge, f"{near}_toe", frames) - out["foot"]
 
     across = body.at("left_up_leg")[frames] - body.at("right_up_leg")[frames]
@@ -302,7 +303,9 @@ def _soles(body: Body, side: str) -> dict[str, Array]:
     else:
         ahead = (body.at(toe) - body.at(foot))[flat] * [1, 0, 1]
     out = {}
-    for role in dict.fromkeys((foot, toe)):
+    local = body.clip.rotations[:, body.skeleton.role(toe)]
+    bends = np.degrees(quat.angle_between(local, local[:1])).max() > STIFF
+    for role in dict.fromkeys((foot, toe) if bends else (foot,)):
         inside = quat.rotate(quat.inv(body.turned(role)[flat]), ahead).mean(axis=0)
         if np.linalg.norm(inside) > 0:
             out[role] = inside / np.linalg.norm(inside)

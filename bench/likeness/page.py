@@ -47,6 +47,7 @@ def save(
         likeness=likeness,
         command=command,
         summary=likeness.summary(),
+        by_measure=likeness.by_measure(WORST),
         worst=likeness.worst(WORST).to_dict("records"),
         shown=shown,
         columns=COLUMNS,
@@ -88,6 +89,11 @@ def number(value: Any) -> str:
     return str(value)
 
 
+def rounded(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Rows for the terminal with three digits."""
+    return [{k: float(f"{v:.3g}") if isinstance(v, float) else v for k, v in row.items()} for row in rows]
+
+
 def rows(table: pd.DataFrame) -> list[dict[str, Any]]:
     """Rows for the terminal, rounded; None where there is no number."""
     out = []
@@ -112,5 +118,6 @@ def to_json(likeness: Likeness) -> dict[str, Any]:
         "b": {"sources": likeness.b.name, "clips": likeness.b.clips, "seconds": likeness.b.seconds},
         "notes": likeness.notes,
         "summary": likeness.summary(),
+        "by_measure": likeness.by_measure(),
         "table": [{k: plain(v) for k, v in row.items()} for row in likeness.table.to_dict("records")],
     }

@@ -51,7 +51,9 @@ def strip(likeness: Likeness, move: str) -> Any:
         film.draw(axes, view, cell, heights[view])
         _write(axes, 0.004, f"{name}  {view}", A_COLOUR if name == "A" else B_COLOUR, "bold")
         if view == "side":
-            what = f"{passage.name}: {passage.speed:.2f} m/s, {passage.turn:+.0f} °/s"
+            what = (
+                f"{passage.name}: {passage.speed:.2f} m/s, {passage.turn:+.0f} °/s, {passage.seconds:.2f} s"
+            )
             _write(axes, 0.07, what, "#444444", "normal")
     for s, label in enumerate(labels):
         rows[0].text(s * cell, 0.93 * heights["side"], label, ha="center", va="bottom", fontsize=9)
