@@ -61,7 +61,7 @@ def test_a_character(walker, tmp_path, form, skin):
 
 
 def turned_rig(clip, rng):
-    """The clip as programs export it: centimetres under a node of 0.01, lying, each joint in its own frame."""
+    """The clip as programs export it: centimetres under a lying node of 0.01, joints in own frames."""
     skeleton, count = clip.skeleton, len(clip.skeleton)
     frames = quat.normalize(rng.normal(size=(count, 4)))
     above = np.where(skeleton.parents >= 0, skeleton.parents, 0)
@@ -374,7 +374,7 @@ def test_several_animations(hero, walker_clips):
     assert [clip.name for clip in clips] == labels
     for clip, truth in zip(clips, walker_clips, strict=False):
         np.testing.assert_allclose(world(clip)[0], world(truth)[0], atol=1e-6)
-    with pytest.raises(UserError, match="3 animations: straight, .*; name one, as hero.glb#straight"):
+    with pytest.raises(UserError, match=r"3 animations: straight, .*; name one, as hero\.glb#straight"):
         gltf.read(hero)
     with pytest.raises(UserError, match="no animation 'jump'; the file has straight, "):
         gltf.read(hero, "jump")
@@ -390,7 +390,7 @@ def test_sources_name_animations(hero, tmp_path):
     assert clip.name == "right_turn" and str(clip.source) == paths[1]
     assert [str(clip.source) for clip in sources.load_all(hero)] == [paths[2], *paths[:2]]
     assert [c.name for c in sources.load_all(paths[0], fps=30)] == ["Armature|left_turn"]
-    with pytest.raises(UserError, match="name one, as hero.glb#straight"):
+    with pytest.raises(UserError, match=r"name one, as hero\.glb#straight"):
         sources.load(hero)
     with pytest.raises(UserError, match="no such file"):
         sources.load(tmp_path / "none.glb#Walk")

@@ -153,7 +153,7 @@ def poses(archive: Archive) -> tuple[tuple[str, ...], Array] | None:
     if "poses" in archive.headers and archive.first(("parents", "kintree_table", "hierarchy")) is None:
         shape = archive.headers["poses"].shape
         if len(shape) == 2 and shape[1] % 3 == 0 and shape[1] // 3 in LAYOUTS:
-            return LAYOUTS[shape[1] // 3], archive.numbers("poses").reshape(shape[0], -1, 3)
+            return LAYOUTS[shape[1] // 3], archive.numbers("poses").reshape(shape[0], shape[1] // 3, 3)
         if len(shape) == 3 and shape[1] in LAYOUTS and shape[2] == 3:
             return LAYOUTS[shape[1]], archive.numbers("poses")
     for first, body, others in (
