@@ -34,8 +34,8 @@ def lead_in(clip: Clip) -> int:
     """How many first frames are a rest pose or the blend out of it; 0 for clips that begin with motion."""
     if len(clip) < 3 or len(clip.skeleton) < 2:
         return 0
-    # A blend's first frame may itself be half out of the rest pose: most joints still are at rest. Joints that
-    # never leave it (fingers) tell nothing.
+    # A blend's first frame may itself be half out of the rest pose: most joints still are at rest. Joints
+    # that never leave it (fingers) tell nothing.
     turns = np.abs(clip.rotations[:, 1:, 0]).min(axis=0) < np.cos(REST_ANGLE / 2)
     if not turns.any():
         return 0

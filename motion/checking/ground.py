@@ -16,7 +16,8 @@ UNDER = 0.25  # of the legs' length under the ground: softer ground or steps dow
 ABOVE = 0.15  # of the legs' length over the ground: higher than toes drag
 LONGEST_FLIGHT = 1.0  # seconds; a flight of T rises by g T²/8: 1.2 m, the height of records
 SHORTEST = 0.25  # seconds; below it the acceleration is too uncertain to be told from falling
-FALLING = 0.2  # of gravity, downwards: what falls less is held by something
+LONG = 0.4  # seconds, from which on it is certain
+FALLING, LONG_FALLING = 0.2, 0.5  # of gravity, downwards: what falls less is held by something
 
 
 def findings(body: Body) -> list[Finding]:
@@ -61,8 +62,9 @@ def _floating(body: Body) -> list[Finding]:
         height = body.centre[start:stop, 1]
         times = np.arange(stop - start) / body.fps
         falls = -2 * np.polyfit(times - times.mean(), height, 2)[0]
-        if seconds > LONGEST_FLIGHT * max(1.0, np.sqrt(body.scale)) or falls < FALLING * GRAVITY:
-            least = f"floats {heights[start:stop].min():.2f} m or more above the ground"
-            what = f"{least} for {seconds:.2f} s, falling with {falls:.1f} m/s²"
+        least = LONG_FALLING if seconds > LONG else FALLING
+        if seconds > LONGEST_FLIGHT * max(1.0, np.sqrt(body.scale)) or falls < least * GRAVITY:
+            height_above = f"floats {heights[start:stop].min():.2f} m or more above the ground"
+            what = f"{height_above} for {seconds:.2f} s, falling with {falls:.1f} m/s²"
             found.append(Finding("floating", start, stop, what, fatal=True))
     return found

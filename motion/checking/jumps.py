@@ -22,20 +22,20 @@ FATAL_FLIP = np.radians(60.0)
 
 
 def unlike_neighbours(steps: NDArray) -> NDArray[np.float64]:
-    """How far each of the steps [S, ..., 3] is from the steps two before and two after, the nearer one.
+    """How far each of the steps [S, ..., 3] is from the two before and the two after, on the nearer side.
 
-    Two apart, so that a jump which a filter smeared over two steps stands out, too. Ends have one neighbour.
+    Of the two on a side the farther counts, so that a jump which a filter smeared over two steps stands out,
+    and one there and back, whose steps may be alike. Ends have one side.
     """
     count = len(steps)
-    least = np.full(steps.shape[:-1], np.inf)
-    if count < 2:
-        return np.zeros(steps.shape[:-1])
-    lag = 2 if count > 2 else 1
-    apart = np.linalg.norm(steps[lag:] - steps[:-lag], axis=-1)
-    least[lag:] = apart
-    least[:-lag] = np.minimum(least[:-lag], apart)
-    least[np.isinf(least)] = 0
-    return least
+    before, after = np.zeros((2, *steps.shape[:-1]))
+    for lag in range(1, min(3, count)):
+        apart = np.linalg.norm(steps[lag:] - steps[:-lag], axis=-1)
+        before[lag:] = np.maximum(before[lag:], apart)
+        after[:-lag] = np.maximum(after[:-lag], apart)
+    if count > 1:
+        before[0], after[-1] = after[0], before[-1]
+    return np.minimum(before, after)
 
 
 def jumps(body: Body) -> list[Finding]:
@@ -44,7 +44,7 @@ def jumps(body: Body) -> list[Finding]:
     lengths = np.linalg.norm(steps, axis=-1)
     limit = max(1.0, body.scale) * max(LEAST_JUMP, JOLT / body.fps**2)
     far = (lengths * body.fps > FASTEST * max(1.0, body.scale)) & (lengths > limit)
-    bad = far | (unlike_neighbours(steps) > limit)
+    bad = far | (np.minimum(unlike_neighbours(steps), lengths) > limit)
     found = []
     for start, stop in between_steps(bad, gap=body.gap):
         near = slice(max(start - 1, 0), min(stop, len(steps)))
@@ -59,7 +59,8 @@ def jumps(body: Body) -> list[Finding]:
 def flips(body: Body) -> list[Finding]:
     """Where joints turn abruptly; fatal where a joint with a role does by a lot."""
     turns = body.rotation_steps
-    excess = unlike_neighbours(turns)
+    angles = np.linalg.norm(turns, axis=-1)
+    excess = np.minimum(unlike_neighbours(turns), angles)
     limbs = [body.roles[role] for role in ROLES if role in body.roles and role != "root"]
     main, ends = np.zeros((2, len(body.skeleton)), bool)
     main[limbs], ends[:] = True, True
@@ -70,12 +71,12 @@ def flips(body: Body) -> list[Finding]:
     found = []
     for start, stop in between_steps(np.any(bad, axis=1), gap=body.gap):
         near = slice(max(start - 1, 0), min(stop, len(turns)))
-        here = np.where(bad[near], np.linalg.norm(turns[near], axis=-1), -1.0)
+        here = np.where(bad[near], angles[near], -1.0)
         joints = np.argsort(-here.max(axis=0), kind="stable")[: int(bad[near].any(axis=0).sum())]
         worst = near.start + int(here[:, joints[0]].argmax())
         names = some([body.skeleton.names[j] for j in joints])
         turn = f"turn{'s' * (len(joints) == 1)} by {np.degrees(here[:, joints[0]].max()):.0f} degrees"
         what = f"{names} {turn} from frame {worst} to {worst + 1}"
-        fatal = bool((excess[near][:, main] > FATAL_FLIP + twitch).any())
+        fatal = bool((excess[near][:, main] > FATAL_FLIP + twitch / 2).any())
         found.append(Finding("flip", start, stop, what, fatal))
     return found

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import quat
 from ..clip import Clip
 from .finding import Finding, some, spans
 
@@ -27,11 +28,17 @@ def findings(clip: Clip) -> list[Finding]:
     return found
 
 
-def filled(clip: Clip, bad: NDArray[np.bool_]) -> Clip:
-    """The clip with the last good frame, or else the first, in place of the bad ones [T], not all."""
+def filled(clip: Clip, bad: NDArray) -> Clip:
+    """The clip with straight lines between good frames in place of the bad ones [T], of which not all."""
     good = np.flatnonzero(~bad)
-    source = good[np.maximum(np.searchsorted(good, np.arange(len(bad)), side="right") - 1, 0)]
-    return clip.replace(positions=clip.positions[source], rotations=clip.rotations[source])
+    after = np.minimum(np.searchsorted(good, np.arange(len(bad))), len(good) - 1)
+    start, stop = good[np.maximum(after - (good[after] > np.arange(len(bad))), 0)], good[after]
+    share = np.clip((np.arange(len(bad)) - start) / np.maximum(stop - start, 1), 0, 1)[:, None, None]
+    first, last = quat.unroll(np.stack([clip.rotations[start], clip.rotations[stop]]))
+    return clip.replace(
+        positions=(1 - share) * clip.positions[start] + share * clip.positions[stop],
+        rotations=quat.normalize((1 - share) * first + share * last),
+    )
 
 
 def _joints(clip: Clip) -> NDArray:
