@@ -63,18 +63,17 @@ class Group(click.Group):
 
 
 def _show_notes() -> None:
-    """Print a `Note` as a line of its own, not as a warning with its place in the source."""
-    plain = warnings.showwarning
-    if getattr(plain, "shows_notes", False):
-        return
+    """Print each `Note` once, as a line of its own, not as a warning with its place in the source."""
+    plain, shown = getattr(warnings.showwarning, "plain", warnings.showwarning), set[str]()
 
     def show(message: Any, category: type[Warning], *place: Any, **more: Any) -> None:
         if not issubclass(category, Note):
             plain(message, category, *place, **more)
-        elif sys.stderr is not None:
+        elif sys.stderr is not None and str(message) not in shown:
+            shown.add(str(message))
             print(f"note: {message}", file=sys.stderr)
 
-    show.shows_notes = True  # type: ignore[attr-defined]
+    show.plain = plain  # type: ignore[attr-defined]
     warnings.showwarning = show
 
 
