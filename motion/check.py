@@ -68,7 +68,8 @@ def _of_frames(body: Body, found: list[Finding]) -> list[Finding]:
 
 def _explains(old: Finding, new: Finding) -> bool:
     """Whether what is new is but a trace of what was found in the same frames before."""
-    before = 0 if old.kind == "frozen" else SLACK  # what leads to a frozen pose is a defect of its own
+    # What leads to a frozen pose is a defect of its own.
+    before = 0 if old.kind == "frozen" and new.kind in ("jump", "teleport", "flip") else SLACK
     inside = old.start - before <= new.start and new.stop <= old.stop + SLACK
     return inside and old.kind in EXPLAINS and new.kind in EXPLAINED
 

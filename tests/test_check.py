@@ -13,6 +13,7 @@ from motion import quat, resample, sources
 from motion.check import KINDS, Finding, check, good_spans
 from motion.checking import finding, jumps, rate
 from motion.checking.body import Body
+from motion.clip import Clip
 from motion.units import to_metres
 
 RATES = [30, 60, 120]
@@ -464,6 +465,23 @@ def test_steps_unlike_their_neighbours():
     assert (jumps.unlike_neighbours(ramp) <= 2).all()
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_no_motion_however_wild_ends_in_anything_but_findings(seed):
+    random = np.random.default_rng(seed)
+    rig, length = synthetic.skeleton(), int(random.integers(2, 90))
+    rotations = quat.normalize(random.normal(size=(length, len(rig), 4)))
+    positions = random.normal(size=(length, len(rig), 3)) * 10.0 ** random.integers(-6, 5)
+    if seed % 2:
+        rotations[:] = rotations[0]
+    if seed % 3 == 0:
+        positions[random.random(positions.shape) < 0.1] = np.nan
+    if seed == 7:
+        positions[:] = 0
+    clip = Clip("wild", rig, float(random.choice([1, 15, 60, 1000])), positions, rotations)
+    found = check(clip)
+    assert all(0 <= f.start < f.stop <= length and f.kind in KINDS and f.what for f in found)
+
+
 # Real motion
 
 
@@ -517,10 +535,11 @@ def test_clean_captures_get_no_finding(data):
     assert len(names & set(clean)) >= 9
 
 
-def test_whole_sets_get_few_findings(data):
-    counts = {"bandai": 0, "lafan1/locomotion_60fps": 0}
-    for name in manifest(data):
-        for start in counts:
-            if name.startswith(start):
-                counts[start] += any(f.fatal for f in findings(data, name))
-    assert counts == {"bandai": 0, "lafan1/locomotion_60fps": 1}  # the one in which a body stumbles by 8 m/s
+@pytest.mark.parametrize("part", ["bandai/dataset-1", "bandai/dataset-2", "lafan1/locomotion_60fps"])
+def test_sound_sets_get_no_fatal_finding(data, part):
+    stumbles = "obstacles5_subject3_stumble"  # its hips do jump, by 8 m/s
+    names = [name for name in manifest(data) if name.startswith(part) and stumbles not in name]
+    assert len(names) > 80
+    assert {
+        name: found for name in names[::4] if (found := [f for f in findings(data, name) if f.fatal])
+    } == {}

@@ -57,14 +57,13 @@ def jumps(body: Body) -> list[Finding]:
 
 
 def flips(body: Body) -> list[Finding]:
-    """Where joints turn abruptly; fatal where a joint with a role does by a lot."""
+    """Where joints turn abruptly; fatal where a joint with a role, no toe, does by a lot."""
     turns = body.rotation_steps
     angles = np.linalg.norm(turns, axis=-1)
     excess = np.minimum(unlike_neighbours(turns), angles)
-    limbs = [body.roles[role] for role in ROLES if role in body.roles and role != "root"]
-    main, ends = np.zeros((2, len(body.skeleton)), bool)
-    main[limbs], ends[:] = True, True
-    ends[[joint for joint in limbs if joint not in body.joints(("left_toe", "right_toe"))]] = False
+    limbs = {body.roles[role] for role in ROLES if role in body.roles and role != "root"}
+    ends = np.ones(len(body.skeleton), bool)
+    ends[list(limbs - set(body.joints(("left_toe", "right_toe"))))] = False
     least = LEAST_FLIP + ends * (LEAST_FLIP_OF_ENDS - LEAST_FLIP)
     twitch = TWITCH / max(body.scale, 1e-3) / body.fps**2
     bad: NDArray = excess > least + twitch
@@ -77,6 +76,6 @@ def flips(body: Body) -> list[Finding]:
         names = some([body.skeleton.names[j] for j in joints])
         turn = f"turn{'s' * (len(joints) == 1)} by {np.degrees(here[:, joints[0]].max()):.0f} degrees"
         what = f"{names} {turn} from frame {worst} to {worst + 1}"
-        fatal = bool((excess[near][:, main] > FATAL_FLIP + twitch / 2).any())
+        fatal = bool((excess[near][:, ~ends] > FATAL_FLIP + twitch / 2).any())
         found.append(Finding("flip", start, stop, what, fatal))
     return found
