@@ -71,6 +71,11 @@ def test_a_known_walk_has_its_name_and_no_other(options, move):
     assert len(found) >= 2
 
 
+def test_who_hops_slowly_neither_walks_nor_runs(monkeypatch):
+    monkeypatch.setitem(synthetic.GAITS, "run", (0.7, 0.15))  # seven tenths of the time in the air
+    assert moves.passages(Body.of(walk(speed=1.0, gait="run"))) == []
+
+
 def test_strikes_come_when_the_clock_plants_a_foot():
     clip = walk(speed=1.2)
     body = Body.of(clip)

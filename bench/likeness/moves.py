@@ -21,6 +21,8 @@ AHEAD, BACK, ASIDE = 20.0, 150.0, (60.0, 120.0)  # degrees between facing and tr
 CROUCH = 0.85  # hip joints lower than this share of the leg; walks have 0.92 to 0.98
 CYCLE = (0.4, 2.2)  # seconds that a stride may take
 SLOWEST = 0.2  # m/s below which nobody walks
+FLIGHT, SLOWEST_RUN = 0.04, 1.5  # share of a cycle in the air, and m/s, from which it is a run
+HOP = 0.25  # slower than a run, but in the air for so much of the cycle: no walk either
 STEADY = 0.4  # share of the speed, or of 1 m/s, by which it may change within a cycle
 
 STAND_SPEED, STAND_TURN = 0.12, 15.0
@@ -130,9 +132,11 @@ def _cycle(body: Body, start: int, stop: int, side: str) -> Passage | None:
     stands = body.stands[start:stop]
     flies = float((~stands.any(axis=1)).mean())
     low = body.positions[start:stop, [body.skeleton.role(f"{s}_up_leg") for s in ("left", "right")], 1]
-    gait = "run" if flies > 0.04 and speed > 1.5 else "walk"
+    gait = "run" if flies > FLIGHT and speed > SLOWEST_RUN else "walk"
     if low.mean() < CROUCH * body.leg and gait == "walk":
         gait = "crouch"
+    if gait == "walk" and flies > HOP:
+        return None
     move = _name(gait, speed, float(turn), abs(angle))
     return Passage(move, body, start, stop, speed, float(turn), angle, side) if move else None
 
