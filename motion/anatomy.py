@@ -107,7 +107,7 @@ def anatomy(
 
 def anatomies(clips: Sequence[Clip]) -> list[Anatomy]:
     """An anatomy for each clip; clips of one skeleton and body share one, made of them all."""
-    keys = [_body(clip.skeleton) for clip in clips]
+    keys = [body_of(clip.skeleton) for clip in clips]
     groups: dict[tuple, list[Clip]] = {}
     for key, clip in zip(keys, clips, strict=True):
         groups.setdefault(key, []).append(clip)
@@ -115,8 +115,8 @@ def anatomies(clips: Sequence[Clip]) -> list[Anatomy]:
     return [made[key] for key in keys]
 
 
-def _body(skeleton: Skeleton) -> tuple:
-    """What skeletons share that are one body: joints, roles and bone lengths, but for where the hips rest."""
+def body_of(skeleton: Skeleton) -> tuple:
+    """A key that skeletons of one body share: joints, roles and bone lengths, but for where the hips rest."""
     fixed = np.ones(len(skeleton), bool)
     fixed[skeleton.chain(skeleton.roles.get("hips", 0))] = False
     bones = np.round(skeleton.offsets[fixed], 3).tobytes()
@@ -253,7 +253,8 @@ class _Finder:
         roles, skeleton = self.skeleton.roles, self.skeleton
         hips = roles["hips"]
         left = self._snapped(self._seen(hips, self.left))
-        self._set(hips, left, self._snapped(self._seen(hips, UP), left))
+        up = self._snapped(self._seen(hips, UP), left)
+        self._set(hips, _unit(up - left * (left @ up)), left)
         top = next((roles[role] for role in TORSO[:0:-1] if role in roles), None)
         if top is None:
             return

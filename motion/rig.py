@@ -111,10 +111,11 @@ def _additions(skeleton: Skeleton) -> Iterator[tuple[str, str, NDArray[np.float6
                     size * 0.04 * side_step * (3 - 2 * count),
                 )
     for role in (f"{side}_{part}" for part in ("hand", "foot", "forearm", "leg") for side in SIDES):
-        if role in roles:
-            kind = "IkTarget" if role.endswith(("hand", "foot")) else "IkPole"
-            path = skeleton.chain(roles[role])[1:]
-            yield f"{names[roles[role]]}{kind}", names[0], offsets[path].sum(axis=0)
+        joint = roles.get(role)
+        if joint is not None and not _is_tip(skeleton, joint):
+            pole = role.endswith("leg") - role.endswith("forearm")  # knees point ahead, elbows back
+            ahead = _across(_direction(offsets[joint]), _AHEAD)
+            yield f"{names[joint]}Ik{'Pole' if pole else 'Target'}", names[joint], size * 0.3 * pole * ahead
     row = 1
     while True:
         for j in (j for j in sorted(set(roles.values())) if not _is_tip(skeleton, j)):
