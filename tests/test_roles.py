@@ -141,6 +141,49 @@ SCHEMES = {
         "Pelvis Spine1 Spine2 Neck Head",
         "*_HindThigh *_HindCalf *_HindFoot - - *_FrontUpperLeg *_FrontLowerLeg *_FrontFoot",
     ),
+    "mixamo in three.js": (
+        "Armature>mixamorigHips>mixamorigSpine>mixamorigSpine1>mixamorigNeck>mixamorigHead;"
+        + both(
+            "mixamorigSpine1>mixamorig*Shoulder>mixamorig*Arm>mixamorig*ForeArm>mixamorig*Hand"
+            ">mixamorig*HandThumb1;mixamorigHips>mixamorig*UpLeg>mixamorig*Leg>mixamorig*Foot>mixamorig*ToeBase",
+            "Left",
+            "Right",
+        ),
+        ("Left", "Right"),
+        "Armature",
+        " ".join(f"mixamorig{part}" for part in "Hips Spine Spine1 Neck Head".split()),
+        " ".join(f"mixamorig*{part}" for part in "UpLeg Leg Foot ToeBase Shoulder Arm ForeArm Hand".split()),
+    ),
+    "vroid": (
+        "Root>J_Bip_C_Hips>J_Bip_C_Spine>J_Bip_C_UpperChest>J_Bip_C_Neck>J_Bip_C_Head>J_Sec_Hair1_01;"
+        + both(
+            "J_Bip_C_UpperChest>J_Sec_*_Bust1;J_Bip_C_UpperChest>J_Bip_*_Shoulder>J_Bip_*_UpperArm"
+            ">J_Bip_*_LowerArm>J_Bip_*_Hand>J_Bip_*_Index1;J_Bip_C_Hips>J_Bip_*_UpperLeg>J_Bip_*_LowerLeg"
+            ">J_Bip_*_Foot>J_Bip_*_ToeBase;J_Bip_*_UpperLeg>J_Sec_*_SkirtFront0_01;J_Bip_C_Head>J_Adj_*_FaceEye",
+            "L",
+            "R",
+        ),
+        ("L", "R"),
+        "Root",
+        " ".join(f"J_Bip_C_{part}" for part in "Hips Spine UpperChest Neck Head".split()),
+        " ".join(
+            f"J_Bip_*_{part}"
+            for part in "UpperLeg LowerLeg Foot ToeBase Shoulder UpperArm LowerArm Hand".split()
+        ),
+    ),
+    "rigify in three.js": (
+        "DEF-spine>DEF-spine001>DEF-spine002>DEF-spine003>DEF-spine004>DEF-spine005>DEF-spine006;"
+        + both(
+            "DEF-spine>DEF-thigh*>DEF-thigh*001>DEF-shin*>DEF-shin*001>DEF-foot*>DEF-toe*;DEF-spine003"
+            ">DEF-shoulder*>DEF-upper_arm*>DEF-upper_arm*001>DEF-forearm*>DEF-forearm*001>DEF-hand*",
+            "L",
+            "R",
+        ),
+        ("L", "R"),
+        None,
+        "DEF-spine DEF-spine001 DEF-spine003 DEF-spine004 DEF-spine006",
+        "DEF-thigh* DEF-shin* DEF-foot* DEF-toe* DEF-shoulder* DEF-upper_arm* DEF-forearm* DEF-hand*",
+    ),
     "lower case": (
         "hips>spine>spine1>neck>head;"
         + both("hips>*upleg>*leg>*foot>*toe;spine1>*shoulder>*arm>*forearm>*hand", "left", "right"),
