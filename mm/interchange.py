@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from .database import Database
 
+MOST_JOINTS = 1_000
 PathLike = str | os.PathLike[str]
 
 # The skeleton of the reference's own database. Its file holds no names, only this hierarchy.
@@ -183,6 +184,8 @@ def _check(raw: Raw, path: PathLike) -> None:
         pass
     elif not frames or not joints or len(parents) != joints:
         why = f"{frames} frames of {joints} joints with {len(parents)} parents"
+    elif joints > MOST_JOINTS:
+        why = f"{joints} joints, at most {MOST_JOINTS} are read"
     elif parents[0] != -1 or np.any(parents[1:] < 0) or np.any(parents >= np.arange(joints)):
         why = "its parents are no tree with joint 0 as the root and parents before children"
     elif len(starts) != len(stops) or not len(starts):
@@ -204,8 +207,8 @@ def _check(raw: Raw, path: PathLike) -> None:
 
 
 def _norms(array: NDArray) -> NDArray:
-    """Norms of the last axis; those too large for the type are infinite."""
-    with np.errstate(over="ignore"):
+    """Norms of the last axis, without a warning where numbers are no numbers or too large for their type."""
+    with np.errstate(over="ignore", invalid="ignore"):
         return np.linalg.norm(array, axis=-1)
 
 

@@ -66,7 +66,7 @@ def names(rules: Sequence[Rule]) -> tuple[str, ...]:
 
 def _load_csv(path: Path) -> tuple[Rule, ...]:
     text = files.read_text(path, remedy=f"write {_EXAMPLE}")
-    reader = csv.DictReader(text.splitlines(), skipinitialspace=True, strict=True)
+    reader = csv.DictReader(text.split("\n"), skipinitialspace=True, strict=True)
     try:
         return _rules(reader, path)
     except csv.Error as error:
@@ -104,46 +104,56 @@ def _rules(reader: csv.DictReader, path: Path) -> tuple[Rule, ...]:
     return tuple(rules)
 
 
-def check(rules: Sequence[Rule], clips: Sequence[str], path: str | os.PathLike[str] | None = None) -> None:
-    """More than 32 tags, or a rule that matches no clip (it would silently tag nothing), is a UserError."""
+def check(
+    rules: Sequence[Rule], clips: Sequence[tuple[str, str]], path: str | os.PathLike[str] | None = None
+) -> None:
+    """More than 32 tags, or a rule that matches no clip (it would silently tag nothing), is a UserError.
+
+    clips are names by which rules may call each: its own and its file's, see `mark`.
+    """
     if len(names(rules)) > LIMIT:
         what = f"{len(names(rules))} different tags, at most {LIMIT} fit"
         raise UserError(what, path=path, remedy="name fewer tags")
     for rule in rules:
         if not any(_matches(rule, clip) for clip in clips):
-            some = ", ".join(clips[:5]) + ", ..." * (len(clips) > 5)
+            some = ", ".join(file for _, file in clips[:5]) + ", ..." * (len(clips) > 5)
             what = f"tag {rule.tag!r}: no clip is named like {rule.clips!r}"
             raise UserError(what, path=path, remedy=f"the clips are {some}")
 
 
 @dataclass(frozen=True)
 class Cut:
-    """What of a file became a clip: its frames per second, the frames dropped before it, and its frames."""
+    """What of a file became a clip: the file's frames per second, frames [start, stop), and how many it has."""
 
     fps: float
-    dropped: int
+    start: int
+    stop: int
     frames: int
 
 
-def mark(rules: Sequence[Rule], clip: str, cut: Cut, frames: int, fps: float) -> NDArray[np.uint32]:
+def mark(
+    rules: Sequence[Rule], clip: tuple[str, str], cut: Cut, frames: int, fps: float
+) -> NDArray[np.uint32]:
     """Tag bits [frames] of a clip that is at fps now; cut says what it was as read.
 
-    A rule's frames beyond the end of the file are a UserError.
+    clip are its own name and its file's, which differ where a file was cut into several. A rule's frames beyond
+    the end of the file are a UserError.
     """
     order = names(rules)
     bits = np.zeros(frames, np.uint32)
-    end = cut.dropped + cut.frames
     for rule in rules:
         if not _matches(rule, clip):
             continue
-        stop = end if rule.stop is None else rule.stop
-        if max(rule.start + 1, stop) > end:
-            what = f"tag {rule.tag!r}: frames {rule.start} to {stop} of clip {clip!r}, which has {end}"
+        stop = cut.frames if rule.stop is None else rule.stop
+        if max(rule.start + 1, stop) > cut.frames:
+            what = (
+                f"tag {rule.tag!r}: frames {rule.start} to {stop} of clip {clip[1]!r}, which has {cut.frames}"
+            )
             raise UserError(what, remedy="correct the tags file")
-        first, last = (max(0, round((at - cut.dropped) * fps / cut.fps)) for at in (rule.start, stop))
-        bits[first : frames if stop == end else last] |= np.uint32(1 << order.index(rule.tag))
+        first, last = (max(0, round((at - cut.start) * fps / cut.fps)) for at in (rule.start, stop))
+        bits[first : frames if stop >= cut.stop else last] |= np.uint32(1 << order.index(rule.tag))
     return bits
 
 
-def _matches(rule: Rule, clip: str) -> bool:
-    return fnmatch.fnmatchcase(clip, rule.clips)
+def _matches(rule: Rule, clip: tuple[str, str]) -> bool:
+    return any(fnmatch.fnmatchcase(name, rule.clips) for name in clip)

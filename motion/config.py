@@ -244,7 +244,7 @@ def line_of(text: str, key: Key) -> int | None:
     Knows table headers, arrays of tables and inline tables one a line; what it cannot tell it leaves to the
     enclosing key.
     """
-    lines = text.splitlines()
+    lines = text.split("\n")
     table: Key = ()
     counts: dict[Key, int] = {}
     best, best_length = None, 0

@@ -119,6 +119,11 @@ class Skeleton:
             raise ValueError("roles or end sites of joints that the skeleton does not have")
         if len(set(skeleton.names)) < len(known) or not all(isinstance(n, str) for n in skeleton.names):
             raise ValueError("joint names that are not unique strings")
+        ends = list(skeleton.end_sites.values())
+        if not np.isfinite(skeleton.offsets).all() or not all(np.isfinite(e).all() for e in ends):
+            raise ValueError("offsets that are not finite")
+        if any(end.shape != (3,) for end in ends):
+            raise ValueError("end sites that are not three numbers each")
         return skeleton
 
 

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 
 from .vocabulary import ARM_WORDS, CENTER_WORDS, FILLER, HELPERS, LEG_WORDS, QUARTERS, SIDE_WORDS, STUCK
 
+MOST_WORDS = 24  # of a name; all runs of its words are looked up
+
 
 @dataclass(frozen=True)
 class Name:
@@ -25,7 +27,8 @@ class Name:
 
 def _tokens(name: str) -> list[str]:
     name = name.rsplit(":", 1)[-1].rsplit("|", 1)[-1]
-    return [t.lower() for t in re.findall(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+", name)]
+    words = re.findall(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+", name)
+    return [word.lower() for word in words[:MOST_WORDS]]
 
 
 @functools.lru_cache(maxsize=4096)
