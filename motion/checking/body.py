@@ -24,11 +24,11 @@ MASS = {"hips": 0.25, "chest": 0.25, "head": 0.081} | {
     for side in roles.SIDES
     for part, share in {
         "up_leg": 0.057,
-        "leg": 0.063,
+        "leg": 0.070,
         "foot": 0.035,
         "arm": 0.016,
-        "forearm": 0.020,
-        "hand": 0.014,
+        "forearm": 0.021,
+        "hand": 0.013,
     }.items()
 }
 

@@ -1,9 +1,9 @@
 """The frame rate, judged by how long steps take and how fast bodies fall.
 
-Two clocks tick in a moving body. The legs swing like pendulums: how long a foot takes from behind the other
-to before it lies within narrow bounds in units of sqrt(leg / g), whatever the speed (W. A. Sparrow and
-others: swing takes 0.35 to 0.5 s from the slowest walks to runs). And in flight the body falls with g. A
-clip whose header states n times too low a rate has steps n times too slow, and falls with g / n².
+Two clocks tick in a moving body. The swinging leg is a pendulum (S. Mochon and T. A. McMahon, Ballistic
+walking, 1980): how long a foot takes from behind the other to before it lies within narrow bounds in units of
+sqrt(leg / g), whatever the speed. And in flight the body falls with g. A clip whose header states an n times
+too low rate has steps n times too slow, and falls with g / n².
 """
 
 from __future__ import annotations
