@@ -193,6 +193,7 @@ class _Finder:
         flat: NDArray[np.bool_] | None = None,
     ) -> None:
         self.skeleton, self.bones, self.moving = skeleton, bones, moving
+        self.aligned = moving and _aligned(skeleton, bones)
         self.world_pos, self.world_rot = world_pos, world_rot
         self.flat = np.ones((len(world_pos), 2), bool) if flat is None else flat
         self.frames = quat.identity(len(skeleton))
@@ -238,11 +239,9 @@ class _Finder:
 
     def _snapped(self, direction: Array, first: Array | None = None) -> Array:
         """The joint's own axis nearest to a direction found from motion, if it is near and makes sense."""
-        if not self.moving:
+        if not self.aligned or (first is not None and np.abs(first).max() < np.cos(_ALONG)):
             return direction
         if first is not None:
-            if np.abs(first).max() < np.cos(_ALONG):
-                return direction
             direction = _unit(direction - first * (first @ direction))
         axis = np.zeros(3)
         best = int(np.argmax(np.abs(direction)))
@@ -355,6 +354,15 @@ class _Finder:
                 above, below = roles.get(f"{side}_{upper}"), roles.get(f"{side}_{lower}")
                 if above is not None and below is not None and parents[below] == above:
                     rest[below] = quat.mul(self.frames[above], quat.inv(self.frames[below]))
+
+
+def _aligned(skeleton: Skeleton, bones: Array) -> bool:
+    """Whether a rig's maker laid bones along the joints' axes: most of those between the limbs' roles."""
+    roles = skeleton.roles
+    ends = (f"{side}_{part}" for side in SIDES for part in ("leg", "foot", "forearm", "hand"))
+    limbs = bones[[roles[role] for role in ends if role in roles]]
+    along = np.abs(limbs).max(axis=-1) > np.cos(_ALONG) * np.linalg.norm(limbs, axis=-1)
+    return bool(along.mean() > 0.7)
 
 
 def touching(skeleton: Skeleton, side: str) -> tuple[int, Array]:
