@@ -141,6 +141,22 @@ SCHEMES = {
         "Pelvis Spine1 Spine2 Neck Head",
         "*_HindThigh *_HindCalf *_HindFoot - - *_FrontUpperLeg *_FrontLowerLeg *_FrontFoot",
     ),
+    "mixamo with all fingers": (
+        "m:Hips>m:Spine>m:Spine1>m:Spine2>m:Neck>m:Head>m:HeadTop_End;"
+        + both(
+            "m:Spine2>m:*Shoulder>m:*Arm>m:*ForeArm>m:*Hand;m:Hips>m:*UpLeg>m:*Leg>m:*Foot>m:*ToeBase;"
+            + ";".join(
+                "m:*Hand>" + ">".join(f"m:*Hand{finger}{i}" for i in range(1, 5))
+                for finger in ("Thumb", "Index", "Middle", "Ring", "Pinky")
+            ),
+            "Left",
+            "Right",
+        ),
+        ("Left", "Right"),
+        None,
+        "m:Hips m:Spine m:Spine2 m:Neck m:Head",
+        "m:*UpLeg m:*Leg m:*Foot m:*ToeBase m:*Shoulder m:*Arm m:*ForeArm m:*Hand",
+    ),
     "mixamo in three.js": (
         "Armature>mixamorigHips>mixamorigSpine>mixamorigSpine1>mixamorigNeck>mixamorigHead;"
         + both(

@@ -61,6 +61,7 @@ def read_names(names: Sequence[str]) -> list[Name]:
     split = [side_and_rest(name) for name in names]
     counts = Counter(t for _, rest in split for t in set(rest))
     common = {t for t, n in counts.items() if len(names) >= 8 and n > 0.6 * len(names)}
+    common -= {*LEG_WORDS, *ARM_WORDS}  # all forty joints of two hands may have "hand" in their names
     words = {t for _, rest in split for t in rest}
     quarters: dict[str, tuple[str, str]] = {}
     if "fl" in words and words & {"bl", "hl", "rl"}:
