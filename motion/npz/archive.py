@@ -21,6 +21,7 @@ from ..errors import UserError
 
 MOST_BYTES = 1 << 30  # of one array: an hour of SMPL-X at 120 frames a second is half of it
 MOST_ARRAYS = 1_000
+EMPTY, RATIO = 8_000_000, 200  # from so many numbers on, no motion is packed to so small a part of its bytes
 _BROKEN = (zipfile.BadZipFile, zlib.error, EOFError, ValueError, OSError, RuntimeError, struct.error)
 # RuntimeError: encrypted members, and NotImplementedError for compressions that are not known.
 _NO_HEADER = (
@@ -45,6 +46,7 @@ class Header:
     fortran: bool
     start: int  # byte of the member where the data begins
     size: int  # bytes of the member
+    packed: int  # bytes of the file that hold them
 
     def __str__(self) -> str:
         return f"{list(self.shape)} {self.dtype}" if self.shape else str(self.dtype)
@@ -84,7 +86,9 @@ class Archive:
                 shape, fortran, dtype = np.lib.format.read_array_header_2_0(stream)
             else:
                 raise ValueError(f"array format {version}")
-            return Header(info.filename, shape, dtype, fortran, stream.tell(), info.file_size)
+            return Header(
+                info.filename, shape, dtype, fortran, stream.tell(), info.file_size, info.compress_size
+            )
 
     def first(self, keys: Iterable[str]) -> str | None:
         """The first of some keys that the file has."""
@@ -111,6 +115,9 @@ class Archive:
             )
         if size > header.size - header.start:
             raise self.fault(f"{key} is said to be {header}, but has {header.size:,} bytes")
+        if count > EMPTY and size > RATIO * header.packed:
+            what = f"{key} is said to be {header}, of which the file holds {header.packed:,} bytes"
+            raise self.fault(what, "this is no motion; save it uncompressed if it is")
         try:
             with zipfile.ZipFile(self.path) as archive, archive.open(header.member) as stream:
                 stream.read(header.start)
