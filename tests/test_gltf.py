@@ -571,6 +571,16 @@ def test_buffers_stay_in_the_folder(tmp_path, uri, message):
         gltf.read(folder / "a.gltf")
 
 
+def test_a_buffer_that_is_cut_after_it_was_read(pendulum, tmp_path):
+    pendulum.animation({(0, "translation"): ([0, 1], [[0, 1, 0]] * 2)})
+    path = pendulum.write(tmp_path / "a.gltf")
+    gltf.read(path)
+    with open(tmp_path / "a.bin", "r+b") as stream:
+        stream.truncate(8)
+    with pytest.raises(UserError, match="/buffers/0: byteLength is 32, but there are 8 bytes"):
+        gltf.read(path)
+
+
 def test_a_buffer_in_a_folder_below_with_an_escaped_name(pendulum, tmp_path):
     pendulum.animation({(0, "translation"): ([0, 1], [[0, 1, 0]] * 2)})
     path = pendulum.write(tmp_path / "a.gltf")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import re
 from collections.abc import Callable
@@ -105,8 +106,9 @@ def read_all(path: str | os.PathLike[str], *, fps: float | None = None) -> list[
     return [read(path, label, fps=fps) for label in labels]
 
 
+@functools.lru_cache(maxsize=4)
 def _motions(document: Document) -> list[_Motion]:
-    """The animations that move a skeleton, at least one."""
+    """The animations that move a skeleton, at least one; kept, for each of a file's clips asks for them."""
     nodes = rigs.read_nodes(document)
     found = document.items("animations")
     if not found:

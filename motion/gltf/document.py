@@ -36,7 +36,7 @@ class Document:
     root: Item = field(init=False)
     json: Mapping[str, Any]
     binary: Bytes | None
-    _buffers: dict[int, Bytes] = field(default_factory=dict)
+    _decoded: dict[int, Bytes] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.root = Item(self, "", self.json)
@@ -49,10 +49,17 @@ class Document:
         return self._lists[kind]
 
     def buffer(self, index: int) -> Bytes:
-        """Bytes of a buffer; memory-mapped where it is a file."""
-        if index not in self._buffers:
-            self._buffers[index] = _buffer(self, self.items("buffers")[index], index)
-        return self._buffers[index]
+        """Bytes of a buffer; memory-mapped where it is a file, which may change between two calls."""
+        item = self.items("buffers")[index]
+        length = item.integer("byteLength", least=1)
+        data = self._decoded.get(index)
+        if data is None:
+            data = _buffer(self, item, index)
+            if _DATA_URI.match(item.text("uri")):
+                self._decoded[index] = data
+        if len(data) < length:
+            raise item.fault(f"byteLength is {length}, but there are {len(data)} bytes: it is cut short")
+        return data[:length]
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,21 +235,17 @@ def _chunks(data: Bytes, path: Path) -> tuple[Bytes, Bytes | None]:
 
 
 def _buffer(document: Document, item: Item, index: int) -> Bytes:
-    length = item.integer("byteLength", least=1)
     if item.data.get("uri") is None:
         if index != 0 or document.binary is None:
             raise item.fault("it has no uri, and the file no binary chunk for it")
-        data = document.binary
-    elif match := _DATA_URI.match(item.text("uri")):
-        try:
-            data = np.frombuffer(base64.b64decode(item.text("uri")[match.end() :], validate=True), np.uint8)
-        except (ValueError, binascii.Error) as error:
-            raise item.fault(f"the data of its uri is no base64: {error}") from error
-    else:
-        data = _external(document.path, item)
-    if len(data) < length:
-        raise item.fault(f"byteLength is {length}, but there are {len(data)} bytes: it is cut short")
-    return data[:length]
+        return document.binary
+    match = _DATA_URI.match(item.text("uri"))
+    if match is None:
+        return _external(document.path, item)
+    try:
+        return np.frombuffer(base64.b64decode(item.text("uri")[match.end() :], validate=True), np.uint8)
+    except (ValueError, binascii.Error) as error:
+        raise item.fault(f"the data of its uri is no base64: {error}") from error
 
 
 def _external(path: Path, item: Item) -> Bytes:
