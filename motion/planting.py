@@ -106,7 +106,7 @@ def _held(
     rate = np.gradient(free, 1 / fps, axis=0) if len(free) > 1 else np.zeros_like(free)
     blend = max(1, round(BLEND * fps))
     for i, (start, stop) in enumerate(spans):
-        place = free[start:stop].mean(axis=0)
+        place = np.median(free[start:stop], axis=0)
         height = float(np.median(heights[start:stop]))
         place[1] = floor + (height if abs(height) > climb else 0.0)
         out[start:stop] = place
