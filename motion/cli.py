@@ -12,6 +12,7 @@ import click
 
 from . import console, options
 from .checking.cli import check
+from .dancecard_cli import dancecard
 from .fetching.cli import fetch
 from .options import AXIS, FORWARD, HAND, ROLES, SOURCE_UNIT, TIME, Length, source_axes
 from .retarget_cli import retarget
@@ -28,6 +29,7 @@ def main() -> None:
 main.add_command(fetch)
 main.add_command(check)
 main.add_command(retarget)
+main.add_command(dancecard)
 
 
 @main.command(epilog="Example: python -m motion info clips/walk.bvh clips/cmu --json")
