@@ -65,8 +65,8 @@ def _flags(options: Mapping[str, Any]) -> list[str]:
     flags = []
     for name, value in options.items():
         flag = "--" + name.replace("_", "-")
-        if name == "mirror":
-            flags.append("--mirror" if value else "--no-mirror")
+        if name in ("mirror", "check", "retarget"):
+            flags.append(flag if value else f"--no-{name}")
         elif value is True:
             flags.append(flag)
         elif isinstance(value, tuple):

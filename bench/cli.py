@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from mm import options
 from motion import console, files
 from motion.errors import UserError
 
@@ -46,32 +47,6 @@ class Listed(click.ParamType):
         return found
 
 
-def _build_options(command: Any) -> Any:
-    """The options of a database build, on every command that may have to build one."""
-    for option in reversed(
-        (
-            click.option(
-                "--fps", type=console.RATE, default=60.0, show_default=True, help="Frames per second."
-            ),
-            click.option(
-                "--schema", default="mm27", show_default=True, metavar="NAME|FILE", help="Features."
-            ),
-            click.option(
-                "--skeleton", type=click.Path(), metavar="FILE", help="Only clips of this skeleton."
-            ),
-            click.option(
-                "--roles-only", is_flag=True, help="Only the schema's joints; skeletons may differ."
-            ),
-            click.option("--mirror/--no-mirror", default=True, show_default=True, help="Mirrored copies."),
-            click.option("--jobs", type=click.IntRange(1), help="Threads.  [default: one a core]"),
-            click.option("--skip-bad", is_flag=True, help="Leave unusable clips out."),
-            console.exclude_option,
-        )
-    ):
-        command = option(command)
-    return command
-
-
 @main.command(
     epilog="Example: python -m bench compare clips/ --courses thesis,circle --indexes exact -o report"
 )
@@ -91,7 +66,7 @@ def _build_options(command: Any) -> Any:
     "--scale/--no-scale", default=True, show_default=True, help="Bring course speeds to the data's."
 )
 @click.option("-o", "--output", type=click.Path(), metavar="DIR", help="Write tables and report there.")
-@_build_options
+@options.building
 @console.json_option
 def compare(
     sources: tuple[str, ...],
@@ -103,7 +78,7 @@ def compare(
     scale: bool,
     output: str | None,
     as_json: bool,
-    **options: Any,
+    **chosen: Any,
 ) -> None:
     """Memory, cost per frame and motion quality of every system over every course.
 
@@ -119,11 +94,11 @@ def compare(
 
     folder = None if output is None else Path(output)
     if folder is not None:
-        _check_folder(folder, sources, options)
+        _check_folder(folder, sources, chosen)
     # Faults in what was asked for come before the work, not after it.
     registry.choose(systems, indexes=indexes)
     loaded = [known_courses.load(name) for name in courses or comparing.COURSES]
-    database, name = open_database(sources, folder and folder / "database.mmdb", options)
+    database, name = open_database(sources, folder and folder / "database.mmdb", chosen)
     result = comparing.compare(
         database,
         courses=loaded,
@@ -208,13 +183,13 @@ def reading(files: tuple[str, ...], repeats: int, as_json: bool) -> None:
 @main.command(epilog="Example: python -m bench build clips/ --jobs 2")
 @click.argument("sources", nargs=-1, required=True, type=click.Path())
 @click.option("--repeats", type=click.IntRange(1), default=3, show_default=True, help="Warm builds.")
-@_build_options
+@options.building
 @console.json_option
-def build(sources: tuple[str, ...], repeats: int, as_json: bool, **options: Any) -> None:
+def build(sources: tuple[str, ...], repeats: int, as_json: bool, **chosen: Any) -> None:
     """How many times faster than real time a database is built, in a new process and in a warm one."""
     from . import building
 
-    rows = building.measure(sources, repeats=repeats, options=options)
+    rows = building.measure(sources, repeats=repeats, options=chosen)
     if as_json:
         console.print_json(rows)
     else:
@@ -298,7 +273,7 @@ def likeness(
 )
 @click.option("--worst", type=click.IntRange(0), default=20, show_default=True, help="Holes to print.")
 @click.option("-o", "--output", type=click.Path(), metavar="DIR", help="Write heat maps and tables there.")
-@_build_options
+@options.building
 @console.json_option
 def coverage(
     sources: tuple[str, ...],
@@ -309,7 +284,7 @@ def coverage(
     worst: int,
     output: str | None,
     as_json: bool,
-    **options: Any,
+    **chosen: Any,
 ) -> None:
     """What of the speeds, directions and turn rates that courses ask for the data has.
 
@@ -326,7 +301,7 @@ def coverage(
     if folder is not None:
         _check_outputs(folder, covering.FILES)
     loaded = [known_courses.load(name) for name in courses or comparing.COURSES]
-    database, name = open_database(sources, None, options)
+    database, name = open_database(sources, None, chosen)
     found = covering.measure(database, loaded, seconds=seconds, scale=scale, few=few)
     if as_json:
         console.print_json(covering.to_json(found))
@@ -344,7 +319,7 @@ def coverage(
 
 
 def open_database(
-    sources: tuple[str, ...], output: Path | None, options: dict[str, Any]
+    sources: tuple[str, ...], output: Path | None, chosen: dict[str, Any]
 ) -> tuple[Database, str]:
     """The database that sources name, or one built from clips (and kept as output); and what to call it."""
     from mm import build as building
@@ -352,10 +327,10 @@ def open_database(
     names = ", ".join(sources)
     first = Path(sources[0])
     if len(sources) == 1 and files.kind(first) == "file" and first.suffix.lower() not in CLIPS:
-        if options.get("exclude"):
+        if chosen.get("exclude"):
             raise UserError("this database is built already", path=first, remedy="leave out --exclude")
         return _load(sources[0]), names
-    database = building.build(sources, **options, note=_note, progress=console.progress)
+    database = building.build(sources, **chosen, note=_note, progress=console.progress)
     if output is not None:
         database.save(output)
         return _load(str(output)), names
@@ -370,14 +345,14 @@ def _check_outputs(folder: Path, names: Iterable[str]) -> None:
         files.check_output(folder / name)
 
 
-def _check_folder(folder: Path, sources: tuple[str, ...], options: dict[str, Any]) -> None:
+def _check_folder(folder: Path, sources: tuple[str, ...], chosen: dict[str, Any]) -> None:
     """A UserError unless the reports can be written, over nothing that is read."""
     if files.kind(folder) not in (None, "folder"):
         raise UserError("cannot write: it is a file", path=folder, remedy="name a folder")
     inputs = [s for s in sources if files.kind(s) == "file"]
     for name in ("database.mmdb", "summary.csv", "summary.json", "courses.csv", "report.html"):
-        others = [options["skeleton"], options["schema"]]
-        files.check_output(folder / name, inputs=[*others, *(inputs if name != "database.mmdb" else ())])
+        others = inputs if name != "database.mmdb" else ()
+        files.check_output(folder / name, inputs=[*options.inputs(chosen), *others])
 
 
 def _load(path: str) -> Database:

@@ -1,4 +1,4 @@
-"""From mocap files to a database: read, fit, resample, ground, mirror, extract, normalise."""
+"""From mocap files to a database: read, check, resample, retarget, ground, mirror, extract, normalise."""
 
 from __future__ import annotations
 
@@ -13,24 +13,23 @@ import numpy as np
 
 from features.schema import Schema
 from motion import contacts as contact_detection
-from motion import leadin, resample, root, sources, subset
+from motion import facts, resample, root, sources
 from motion import mirror as mirroring
 from motion import roles as role_maps
+from motion.anatomy import Anatomy
 from motion.clip import Clip
 from motion.errors import UserError
 from motion.pose import Poses
 from motion.skeleton import Skeleton
 
-from . import parts, skeletons, suspects
+from . import intake, parts, skeletons, suspects
 from . import tags as tagging
 from .database import Database
+from .intake import Piece, Report
 from .settings import Settings
 from .work import Work
 
 PathLike = str | os.PathLike[str]
-
-MINIMUM_FRAMES = 3  # a velocity by central differences needs three
-SKIP = "repair or remove it, or leave such clips out with --skip-bad"
 
 
 def build(
@@ -41,13 +40,21 @@ def build(
     mirror: bool = True,
     jobs: int | None = None,
     skeleton: PathLike | Skeleton | None = None,
+    retarget: bool = True,
     roles_only: bool = False,
+    check: bool = True,
+    clips: PathLike | None = None,
     roles: Mapping[str, str] | PathLike | None = None,
     source_fps: float | None = None,
+    source_unit: float | str | None = None,
+    source_up: str = "y",
+    source_forward: str | None = None,
+    source_handedness: str = "right",
     tags: PathLike | None = None,
     folder_tags: bool = False,
     skip_bad: bool = False,
     exclude: Sequence[str] = (),
+    report: Report | None = None,
     note: Callable[[str], None] | None = None,
     progress: Callable[..., Iterator[Any]] | None = None,
 ) -> Database:
@@ -60,23 +67,33 @@ def build(
     fps : the database's frames per second.
     mirror : whether every clip is followed by its mirrored copy.
     jobs : threads; default: one a core.
-    skeleton : a file with the skeleton to use: clips with other joints are left out. Without it all clips
-        must have the same joints. Other bone lengths are fitted to it, or to the first clip's.
+    skeleton : the skeleton to use: that of a motion file, of `mm.skeletons.BUILT_IN` by name, or one itself.
+        Without it all clips must have the same joints. Other bone lengths are fitted to it, or to the first
+        clip's.
+    retarget : whether clips with other joints are moved onto the skeleton by roles, or left out.
     roles_only : use a flat skeleton of the joints that the schema needs, so that skeletons may differ.
+    check : whether `motion.check` looks at every clip, and what it finds to be bad is cut out.
+    clips : a file of rules about some of the clips, see `motion.facts`; besides those in the folders.
     roles : overrides of the guessed roles: role to joint name, or a TOML file.
-    source_fps : the clips' frame rate, where their files state a wrong one.
+    source_fps, source_unit, source_up, source_forward, source_handedness : the clips' frame rate, unit and
+        axes, where their files state wrong ones or none. Rules about a clip go before these.
     tags : a file of tag rules, see `mm.tags`.
     folder_tags : give every clip a tag with its folder's name.
-    skip_bad : leave clips out that cannot be used, with a note, instead of failing on the first.
+    skip_bad : leave clips out that cannot be read or used, with a note, instead of failing on the first.
     exclude : shell patterns of clips to leave out, by name or by path from the source on.
+    report : filled with what was found and what is left out.
     note : called with each remark for the user, a line.
     progress : wraps the loops over clips, as `motion.console.progress` does.
 
+    Clips of which the check leaves several pieces become several ranges, called after the frames that they
+    are in the file: ``walk@0-120``, ``walk@131-300``.
+
     A folder without clips, a clip that cannot be read, is too short or not finite, clips without a common
-    skeleton, a role that the schema needs and no joint plays, and a pattern to exclude that matches no clip
-    are UserErrors.
+    skeleton, a role that the schema needs and no joint plays, and a pattern that matches no clip are
+    UserErrors.
     """
     work = Work.of(jobs, note, progress)
+    report = Report() if report is None else report
     if not 1 <= fps <= 1000:
         raise UserError(f"{fps:g} frames per second", remedy="give a rate between 1 and 1000")
     if roles_only and skeleton is not None:
@@ -85,115 +102,98 @@ def build(
         )
     schema = schema if isinstance(schema, Schema) else Schema.load(schema)
     rules = tagging.load(tags) if tags is not None else ()
-    if isinstance(roles, str | os.PathLike):
-        roles = role_maps.load_overrides(roles)
-    if skeleton is not None and not isinstance(skeleton, Skeleton):
-        skeleton = load(Path(skeleton), source_fps, roles).skeleton
+    common = facts.Facts(
+        fps=source_fps,
+        unit=source_unit,
+        up=source_up,  # type: ignore[arg-type]
+        forward=source_forward,  # type: ignore[arg-type]
+        handedness=source_handedness,  # type: ignore[arg-type]
+        roles=role_maps.load_overrides(roles) if isinstance(roles, str | os.PathLike) else dict(roles or {}),
+    )
+    files, book = _files(paths, exclude, clips, common, work)
+    wanted = _wanted(skeleton, book)
 
-    dropped: dict[Path | None, int] = {}
-
-    def read(path: Path) -> Clip:
-        clip = load(path, source_fps, roles)
-        dropped[path] = count = leadin.lead_in(clip)
-        if count:
-            clip = clip.replace(positions=clip.positions[count:], rotations=clip.rotations[count:])
-        check(clip, schema, fps)
-        return clip
-
-    files = sources.find(paths, exclude=exclude)
-    if exclude:
-        every = len(sources.find(paths))
-        work.note(f"{every - len(files)} of {every} clips are left out, as --exclude says")
-    clips = _read(read, files, skip_bad, work)
-    led = sum(dropped[clip.source] > 0 for clip in clips)
-    if led:
-        work.note(
-            f"{led} of {len(clips)} clips begin with a rest pose that is no capture; its frames were dropped"
-        )
+    pieces = intake.take(files, book, fps=fps, checked=check, skip_bad=skip_bad, work=work, report=report)
+    bodies: list[Anatomy | None] = [None] * len(pieces)
     target = None
     if not roles_only:
-        clips, target = skeletons.agree(clips, skeleton, work.note)
-    names = _names(clips)
+        pieces, bodies, target = skeletons.agree(
+            pieces, wanted, retargeting=retarget, report=report, note=work.note
+        )
+        parts.check_roles(schema, target.skeleton, pieces[0].clip.source)
+    else:
+        for piece in pieces:
+            parts.check_roles(schema, piece.clip.skeleton, piece.clip.source)
+    names = _names(pieces)
     if folder_tags:
-        rules = (*rules, *_folder_rules(clips, names))
+        rules = (*rules, *_folder_rules(pieces, names))
     tagging.check(rules, names, tags)
-    for line in suspects.captures(clips, names, [dropped[clip.source] for clip in clips]):
-        work.note(line)
-    cuts = [tagging.Cut(clip.fps, dropped[clip.source], len(clip)) for clip in clips]
+    cuts = [tagging.Cut(p.clip.fps, p.start, p.stop, p.frames) for p in pieces]
+    clips_in = [piece.clip for piece in pieces]
+    del pieces
 
-    grounded = _ground(clips, target, fps, work)
-    _note_unmatchable(grounded, names, fps, work)
+    grounded = _ground(clips_in, bodies, target, fps, work)
+    labels = [own for own, _ in names]
+    _note_unmatchable(grounded, labels, fps, work)
     bits = [tagging.mark(rules, *clip, fps) for clip in zip(names, cuts, map(len, grounded), strict=True)]
     flat = _flat(schema, grounded) if roles_only else None
-    database = _assemble(grounded, names, bits, tagging.names(rules), schema, float(fps), mirror, flat, work)
+    database = _assemble(grounded, labels, bits, tagging.names(rules), schema, float(fps), mirror, flat, work)
     for line in suspects.contacts(database):
         work.note(line)
     return database
 
 
-def _read(read: Callable[[Path], Clip], files: Sequence[Path], skip_bad: bool, work: Work) -> list[Clip]:
-    bad: list[UserError] = []
-    clips = list(work.map(read, files, label="read", keep=bad.append if skip_bad else None))
-    for error in bad:
-        work.note(f"left out: {error}")
-    if not clips:
-        raise UserError(f"no clip of {len(files)} can be used; the first: {bad[0]}")
-    return clips
+def _files(
+    paths: PathLike | Sequence[PathLike],
+    exclude: Sequence[str],
+    clips: PathLike | None,
+    common: facts.Facts,
+    work: Work,
+) -> tuple[list[Path], facts.Book]:
+    """The files to read, and what is known of them."""
+    roots = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
+    files = sources.find(roots, exclude=exclude)
+    if exclude:
+        every = len(sources.find(roots))
+        work.note(f"{every - len(files)} of {every} clips are left out, as --exclude says")
+    book = facts.book(files, roots, rules=clips, common=common)
+    for line in book.notes:
+        work.note(line)
+    return [file for file in files if file not in book.excluded], book
 
 
-def load(path: Path, fps: float | None, roles: Mapping[str, str] | None) -> Clip:
-    """A clip in metres with its roles, some of them told by joint names."""
-    clip = sources.load(path, fps=fps)
-    if not roles:
-        return clip
-    try:
-        return clip.replace(skeleton=role_maps.apply(clip.skeleton, roles))
-    except UserError as error:
-        raise UserError(error.what, path=path, remedy=error.remedy) from error
+def _wanted(skeleton: PathLike | Skeleton | None, book: facts.Book) -> Clip | Skeleton | None:
+    if skeleton is None or isinstance(skeleton, Skeleton):
+        return skeleton
+    if str(skeleton) in skeletons.BUILT_IN:
+        return skeletons.built_in(str(skeleton))
+    return facts.read(skeleton, book.of(Path(skeleton)))
 
 
-def check(clip: Clip, schema: Schema, fps: float) -> None:
-    """A clip too short, not finite or without the schema's joints is a UserError that names its file."""
-    after = int(np.floor((len(clip) - 1) / clip.fps * fps + 1e-6)) + 1
-    if min(len(clip), after) < MINIMUM_FRAMES:
-        count = "1 frame" if len(clip) == 1 else f"{len(clip)} frames"
-        what = f"a clip of {count} at {clip.fps:g} fps, at least {MINIMUM_FRAMES} at {fps:g} fps are needed"
-        raise UserError(what, path=clip.source, remedy=SKIP)
-    if after > resample.MOST_FRAMES:
-        what = f"{len(clip)} frames at {clip.fps:g} fps are {after:,} at {fps:g} fps"
-        remedy = f"at most {resample.MOST_FRAMES:,} fit; is the file's rate right (--source-fps)?"
-        raise UserError(what, path=clip.source, remedy=remedy)
-    for what, values in (("positions", clip.positions), ("rotations", clip.rotations)):
-        if not np.isfinite(np.sum(values)):
-            frame, joint = np.argwhere(~np.isfinite(values).all(axis=-1))[0]
-            where = f"at frame {frame}, joint {clip.skeleton.names[joint]}"
-            raise UserError(f"{what} are not finite {where}", path=clip.source, remedy=SKIP)
-    parts.check_roles(schema, clip.skeleton, clip.source)
-
-
-def _ground(clips: list[Clip], target: Skeleton | None, fps: float, work: Work) -> list[Clip]:
+def _ground(
+    clips: list[Clip],
+    bodies: Sequence[Anatomy | None],
+    target: skeletons.Target | None,
+    fps: float,
+    work: Work,
+) -> list[Clip]:
     """Clips at the database's rate, on one skeleton, under a ground root; empties the list given."""
-    others = sum(target is not None and skeletons.differs(clip, target) for clip in clips)
-    if others:
-        work.note(f"{others} of {len(clips)} clips have other bone lengths and are fitted to one skeleton")
+    if target is not None:
+        others = sum(
+            body is None and skeletons.differs(clip, target.skeleton)
+            for clip, body in zip(clips, bodies, strict=True)
+        )
+        if others:
+            work.note(
+                f"{others} of {len(clips)} clips have other bone lengths and are fitted to one skeleton"
+            )
 
-    def ground(clip: Clip) -> Clip:
-        if target is not None:
-            fits = not skeletons.differs(clip, target)
-            clip = clip.replace(skeleton=target) if fits else subset.fit(clip, target)
-        return root.ground(resample.resample(clip, fps))
+    def ground(i: int) -> Clip:
+        clip, clips[i] = clips[i], None  # type: ignore[call-overload]  # two whole copies need not fit
+        clip = resample.resample(clip, fps)  # first, so that planted feet stand still in between frames, too
+        return root.ground(clip if target is None else target.take(clip, bodies[i]))
 
-    return list(work.map(_letting_go(ground, clips), range(len(clips)), label="prepare"))
-
-
-def _letting_go(function: Callable[[Any], Any], items: list) -> Callable[[int], Any]:
-    """A function of an index, that frees each item once it is used: two whole copies need not fit."""
-
-    def call(i: int) -> Any:
-        item, items[i] = items[i], None
-        return function(item)
-
-    return call
+    return list(work.map(ground, range(len(clips)), label="prepare"))
 
 
 def _assemble(
@@ -270,10 +270,14 @@ def _flat(schema: Schema, clips: Sequence[Clip]) -> Skeleton:
     return skeletons.flat((*schema.roles(), "left_foot", "right_foot", *hands))
 
 
-def _names(clips: Sequence[Clip]) -> list[str]:
-    """Clip names; those that occur twice are told apart by their folders, or else numbered."""
-    names = [clip.name for clip in clips]
-    folders = [sources.folders_of(clip.source) if clip.source else () for clip in clips]
+def _names(pieces: Sequence[Piece]) -> list[tuple[str, str]]:
+    """Each piece's name and its file's: the same, unless the file was cut into several.
+
+    Names that occur twice are told apart by the files' folders, or else numbered.
+    """
+    clips = {piece.path: piece.clip for piece in pieces}
+    names = [clip.name for clip in clips.values()]
+    folders = [sources.folders_of(path) for path in clips]
     for depth in range(3):
         twice = {name for name, count in Counter(names).items() if count > 1}
         for i, name in enumerate(names):
@@ -284,16 +288,17 @@ def _names(clips: Sequence[Clip]) -> list[str]:
         seen[name] += 1
         if seen[name] > 1:
             names[i] = f"{name}#{seen[name]}"
-    return names
-
-
-def _folder_rules(clips: Sequence[Clip], names: Sequence[str]) -> list[tagging.Rule]:
-    pairs = [
-        (clip.source.resolve().parent.name, name)
-        for clip, name in zip(clips, names, strict=True)
-        if clip.source
+    of_file = dict(zip(clips, names, strict=True))
+    count = Counter(piece.path for piece in pieces)
+    return [
+        (f"{of_file[p.path]}@{p.start}-{p.stop}" if count[p.path] > 1 else of_file[p.path], of_file[p.path])
+        for p in pieces
     ]
-    return [tagging.Rule(folder, glob.escape(name)) for folder, name in pairs if folder]
+
+
+def _folder_rules(pieces: Sequence[Piece], names: Sequence[tuple[str, str]]) -> list[tagging.Rule]:
+    pairs = [(p.path.resolve().parent.name, file) for p, (_, file) in zip(pieces, names, strict=True)]
+    return [tagging.Rule(folder, glob.escape(name)) for folder, name in dict.fromkeys(pairs) if folder]
 
 
 def _note_unmatchable(clips: Sequence[Clip], names: Sequence[str], fps: float, work: Work) -> None:

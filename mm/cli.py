@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from motion import console
+from motion.options import ROLES
 
+from . import options
 from .run import courses, run, settings
 
 if TYPE_CHECKING:
     from .database import Database
+    from .intake import Report
 
 
 @console.group(
@@ -25,76 +27,62 @@ def main() -> None:
     pass
 
 
-def schema_option(default: str) -> Callable[[Any], Any]:
-    """``--schema`` with this default."""
-    return click.option(
-        "--schema",
-        default=default,
-        show_default=True,
-        metavar="NAME|FILE",
-        help="Features of a frame: one of `python -m features list`, or a TOML file.",
-    )
-
-
-ROLES = click.option(
-    "--roles", type=click.Path(), metavar="FILE", help="TOML file: which joint plays which role."
-)
 OUTPUT = click.option(
     "-o", "--output", required=True, type=click.Path(), metavar="DB", help="Database to write."
 )
 
 
-@main.command(epilog="Example: python -m mm build clips/walk clips/run -o walk.mmdb --tags tags.csv")
+@main.command(
+    epilog="Example: python -m mm build clips -o walk.mmdb --skeleton clips/walk.bvh --tags tags.csv"
+)
 @click.argument("sources", nargs=-1, required=True, type=click.Path())
 @OUTPUT
-@schema_option("mm27")
-@click.option(
-    "--fps", type=console.RATE, default=60.0, show_default=True, help="Frames per second of the database."
-)
-@click.option(
-    "--mirror/--no-mirror", default=True, show_default=True, help="Add a mirrored copy of every clip."
-)
-@click.option("--jobs", type=click.IntRange(1), help="Threads.  [default: one a core]")
-@click.option(
-    "--skeleton", type=click.Path(), metavar="FILE", help="Use this clip's skeleton and leave others out."
-)
-@click.option(
-    "--roles-only", is_flag=True, help="Keep only the schema's joints, so that skeletons may differ."
-)
-@ROLES
-@click.option("--source-fps", type=console.RATE, help="The clips' rate, where their files state a wrong one.")
-@click.option(
-    "--tags", type=click.Path(), metavar="FILE", help="CSV or TOML file of tags for clips or their frames."
-)
-@click.option("--folder-tags", is_flag=True, help="Tag every clip with the name of its folder.")
-@click.option("--skip-bad", is_flag=True, help="Leave clips out that cannot be used, instead of failing.")
-@console.exclude_option
-def build(sources: tuple[str, ...], output: str, **options: Any) -> None:
+@options.building
+@console.json_option
+def build(sources: tuple[str, ...], output: str, as_json: bool, **chosen: Any) -> None:
     """Build a database from clips (BVH, AMC, NPZ, glTF) and folders.
+
+    With --skeleton clips of other skeletons, rates and units go into one database. What `motion check` finds
+    to be bad is cut out, and said.
 
     \b
     A file of tags, for clips by name and for frames of them as read:
       tag,clips,start,stop
       run,run*,,
       turn,walk_07,120,240
+
+    \b
+    A file of rules for --clips, or clips.toml in a folder of clips:
+      [[clips]]
+      files = "old/*"
+      fps = 60
+      unit = "inch"
+
+    Its keys are fps, unit, up, forward, handedness, roles, start, stop (frames as read), keep_lead_in,
+    check, exclude.
     """
-    start = time.perf_counter()
+    begun = time.perf_counter()
+    from motion import files
     from motion.sources import inputs
 
     from . import build as building
+    from .intake import Report
 
-    others = (options[name] for name in ("roles", "skeleton", "tags"))
-    _check_output(output, options["schema"], *others, *inputs(sources))
-    db = building.build(sources, **options, note=_note, progress=console.progress)
+    files.check_output(output, inputs=[*options.inputs(chosen), *inputs(sources)])
+    report = Report()
+    db = building.build(sources, **chosen, report=report, note=_note, progress=console.progress)
     db.save(output)
-    took = time.perf_counter() - start
+    took = time.perf_counter() - begun
+    if as_json:
+        console.print_json(_facts(db, output, report, took))
+        return
     clips = int((~db.mirrored).sum())
-    seconds = float((db.stops - db.starts)[~db.mirrored].sum()) / db.fps
+    seconds = _seconds(db)
     copies = " with their mirrored copies" * bool(db.mirrored.any())
     print(
         f"{output}: {clips} clip{'s' * (clips != 1)}, {seconds / 60:.1f} minutes, "
         f"{len(db):,} frames{copies} at {db.fps:g} fps, {Path(output).stat().st_size / 1e6:.1f} MB, "
-        f"built in {took:.1f} s, {seconds / took:,.0f} times real time"
+        f"built in {took:.1f} s, {seconds / took:,.0f} times real time{_left_out(report)}"
     )
 
 
@@ -116,7 +104,7 @@ def info(db: str, as_json: bool) -> None:
 @main.command("import", epilog="Example: python -m mm import reference/resources -o reference.mmdb")
 @click.argument("directory", type=click.Path())
 @OUTPUT
-@schema_option("lmm27")
+@options.schema_option("lmm27")
 @ROLES
 @click.option(
     "--names", type=click.Path(), metavar="FILE", help="Text file with the joints' names, one a line."
@@ -174,6 +162,40 @@ def _wrote(output: str, db: Database) -> str:
     return (
         f"{output}: {len(db.starts)} ranges, {len(db):,} frames, {db.seconds / 60:.1f} minutes, {size:.1f} MB"
     )
+
+
+def _seconds(db: Database) -> float:
+    """How long its clips last, without their mirrored copies."""
+    return float((db.stops - db.starts)[~db.mirrored].sum()) / db.fps
+
+
+def _left_out(report: Report) -> str:
+    """The end of the last line: how much of the files is left out."""
+    found = report.summary()
+    gone, cut = found["files_left_out"], found["files_cut"]
+    if not gone and not cut:
+        return ""
+    whole = f"{gone} of {found['files']} files" if gone else ""
+    parts = f"parts of {cut}" if cut else ""
+    return (
+        f"; left out: {' and '.join(filter(None, (whole, parts)))}, "
+        f"{found['seconds_left_out']:.1f} of {found['seconds']:.1f} s"
+    )
+
+
+def _facts(db: Database, output: str, report: Report, took: float) -> dict[str, Any]:
+    """What was built, found and left out, as plain data."""
+    return {
+        "path": output,
+        "fingerprint": db.fingerprint,
+        "clips": int((~db.mirrored).sum()),
+        "frames": len(db),
+        "fps": db.fps,
+        "joints": len(db.skeleton),
+        "minutes_without_mirrored": round(_seconds(db) / 60, 3),
+        "seconds_to_build": round(took, 3),
+        **report.to_json(),
+    }
 
 
 def _check_output(output: str, schema: str, *inputs: str | Path | None) -> None:

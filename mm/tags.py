@@ -123,7 +123,7 @@ def check(
 
 @dataclass(frozen=True)
 class Cut:
-    """What of a file became a clip: the file's frames per second, frames [start, stop), and how many it has."""
+    """What of a file became a clip: its frames per second, frames [start, stop), and how many it has."""
 
     fps: float
     start: int
@@ -136,8 +136,8 @@ def mark(
 ) -> NDArray[np.uint32]:
     """Tag bits [frames] of a clip that is at fps now; cut says what it was as read.
 
-    clip are its own name and its file's, which differ where a file was cut into several. A rule's frames beyond
-    the end of the file are a UserError.
+    clip are its own name and its file's, which differ where a file was cut into several. A rule's frames
+    beyond the end of the file are a UserError.
     """
     order = names(rules)
     bits = np.zeros(frames, np.uint32)

@@ -175,16 +175,21 @@ def find(
     return _without(sorted(found.values()), roots, exclude)
 
 
-def _without(files: list[Path], sources: list[Path], patterns: Sequence[str]) -> list[Path]:
-    names = {
-        file: {name_of(file), *(file.relative_to(s).as_posix() for s in sources if file.is_relative_to(s))}
-        for file in files
+def names(clips: Iterable[Path], roots: Sequence[Path]) -> dict[Path, set[str]]:
+    """By what a pattern may name each clip: its name, and its path from a source on."""
+    return {
+        clip: {name_of(clip), *(clip.relative_to(s).as_posix() for s in roots if clip.is_relative_to(s))}
+        for clip in clips
     }
+
+
+def _without(files: list[Path], sources: list[Path], patterns: Sequence[str]) -> list[Path]:
+    known = names(files, sources)
     for pattern in patterns:
-        if not any(fnmatchcase(name, pattern) for known in names.values() for name in known):
+        if not any(fnmatchcase(name, pattern) for several in known.values() for name in several):
             some = ", ".join(name_of(file) for file in files[:5]) + ", ..." * (len(files) > 5)
             raise UserError(f"no clip to exclude is named like {pattern!r}", remedy=f"the clips are {some}")
-    kept = [f for f in files if not any(fnmatchcase(name, p) for name in names[f] for p in patterns)]
+    kept = [f for f in files if not any(fnmatchcase(name, p) for name in known[f] for p in patterns)]
     if not kept:
         raise UserError(f"all {len(files)} clips are excluded", remedy="exclude fewer")
     return kept

@@ -1,0 +1,92 @@
+"""Options of the commands that build a database from clips."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import click
+
+from motion import console
+from motion import options as reading
+
+
+def schema_option(default: str) -> Callable[[Any], Any]:
+    """``--schema`` with this default."""
+    return click.option(
+        "--schema",
+        default=default,
+        show_default=True,
+        metavar="NAME|FILE",
+        help="Features of a frame: one of `python -m features list`, or a TOML file.",
+    )
+
+
+def building(command: Callable) -> Callable:
+    """Decorator: the options of `mm.build.build`, by the names of its parameters."""
+    for option in (
+        console.exclude_option,
+        click.option("--skip-bad", is_flag=True, help="Leave unreadable clips out, instead of failing."),
+        click.option("--folder-tags", is_flag=True, help="Tag every clip with the name of its folder."),
+        click.option(
+            "--tags", type=click.Path(), metavar="FILE", help="CSV or TOML file of tags for frames."
+        ),
+        reading.source_axes,
+        reading.SOURCE_UNIT,
+        click.option(
+            "--source-fps", type=console.RATE, help="The clips' rate, where their files state a wrong one."
+        ),
+        reading.ROLES,
+        click.option(
+            "--clips",
+            type=click.Path(),
+            metavar="FILE",
+            help="TOML file: rate, unit, axes, roles, trims of some of the clips.",
+        ),
+        click.option(
+            "--check/--no-check",
+            default=True,
+            show_default=True,
+            help="Cut out what `motion check` finds bad.",
+        ),
+        click.option(
+            "--roles-only", is_flag=True, help="Keep only the schema's joints; skeletons may differ."
+        ),
+        click.option(
+            "--retarget/--no-retarget",
+            default=True,
+            show_default=True,
+            help="Move clips of other skeletons onto the chosen one, or leave them out.",
+        ),
+        click.option(
+            "--skeleton",
+            type=click.Path(),
+            metavar="FILE|NAME",
+            help="The skeleton for all clips: that of a motion file, or dancecard.",
+        ),
+        click.option("--jobs", type=click.IntRange(1), help="Threads.  [default: one a core]"),
+        click.option(
+            "--mirror/--no-mirror", default=True, show_default=True, help="Add a mirrored copy of every clip."
+        ),
+        click.option(
+            "--fps",
+            type=console.RATE,
+            default=60.0,
+            show_default=True,
+            help="Frames per second of the database.",
+        ),
+        schema_option("mm27"),
+    ):
+        command = option(command)
+    return command
+
+
+def inputs(options: Mapping[str, Any]) -> list[str | None]:
+    """The files that options of `building` name: nothing may be written over them."""
+    from features import presets
+
+    from .skeletons import BUILT_IN
+
+    names = [options.get(name) for name in ("roles", "skeleton", "tags", "clips", "schema")]
+    known = {*BUILT_IN, *presets.names()}
+    return [name for name in names if name not in known]
