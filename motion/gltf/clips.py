@@ -23,6 +23,7 @@ from .document import Document, Item, open_document
 from .rig import Nodes, Rig
 
 MOST_TRANSFORMS = 12_000_000  # joints times frames: an hour of 55 joints at 60 frames a second
+SPARSE, MOST_BETWEEN = 20_000, 600  # frames of a clip of few keys, and frames a key beyond them
 
 _WIDTHS = {"translation": "VEC3", "rotation": "VEC4", "scale": "VEC3"}
 _KINDS = ("LINEAR", "STEP", "CUBICSPLINE")
@@ -163,12 +164,14 @@ def _clip(document: Document, motion: _Motion, own_frames: bool) -> Clip:
     distinct_times = {id(track.times): track.times for track in tracks.values()}
     fps = keys.frame_rate(list(distinct_times.values()))
     frames = int(min((stop - start) * fps + 0.05, 1e12)) + 1
-    if frames * len(rig.chain) > MOST_TRANSFORMS:
+    known = max(len(times) for times in distinct_times.values())
+    if frames * len(rig.chain) > MOST_TRANSFORMS or frames > SPARSE + MOST_BETWEEN * known:
         what = f"{frames:,} frames of {len(rig.chain)} joints from {start:g} to {stop:g} s"
         raise UserError(
             f"animation {motion.label!r}: {what}",
             path=document.path,
-            remedy=f"at most {MOST_TRANSFORMS:,} joints times frames fit; cut the animation into pieces",
+            remedy=f"at most {MOST_TRANSFORMS:,} joints times frames fit, and keys may not be minutes apart; "
+            "cut the animation into pieces",
         )
     instants = start + np.arange(frames) / fps
     positions, rotations, scales = _local(nodes, rig, tracks, instants, fps)
