@@ -37,15 +37,13 @@ def mul(a: Array, b: Array) -> Array:
     """Hamilton product: rotate by b, then by a."""
     aw, ax, ay, az = np.moveaxis(a, -1, 0)
     bw, bx, by, bz = np.moveaxis(b, -1, 0)
-    return np.stack(
-        [
-            aw * bw - ax * bx - ay * by - az * bz,
-            aw * bx + ax * bw + ay * bz - az * by,
-            aw * by - ax * bz + ay * bw + az * bx,
-            aw * bz + ax * by - ay * bx + az * bw,
-        ],
-        axis=-1,
-    )
+    w = aw * bw - ax * bx - ay * by - az * bz
+    out: Array = np.empty((*np.shape(w), 4), w.dtype)  # np.stack takes as long as the products
+    out[..., 0] = w
+    out[..., 1] = aw * bx + ax * bw + ay * bz - az * by
+    out[..., 2] = aw * by - ax * bz + ay * bw + az * bx
+    out[..., 3] = aw * bz + ax * by - ay * bx + az * bw
+    return out
 
 
 def rotate(q: Array, v: Array) -> Array:
@@ -59,7 +57,12 @@ def _cross(a: Array, b: Array) -> Array:
     # np.cross spends most of its time on generality.
     ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
     bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
-    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
+    x = ay * bz - az * by
+    out: Array = np.empty((*np.shape(x), 3), x.dtype)
+    out[..., 0] = x
+    out[..., 1] = az * bx - ax * bz
+    out[..., 2] = ax * by - ay * bx
+    return out
 
 
 def shortest(q: Array) -> Array:
@@ -71,7 +74,9 @@ def unroll(q: Array) -> Array:
     """Choose signs along axis 0 (time) so that consecutive quaternions are on one hemisphere."""
     if len(q) < 2:
         return q.copy()
-    flips = np.sum(q[1:] * q[:-1], axis=-1) < 0
+    flips = np.einsum("...i,...i->...", q[1:], q[:-1]) < 0
+    if not flips.any():
+        return q.copy()
     signs = np.where(np.cumsum(flips, axis=0) % 2 == 1, -1, 1).astype(q.dtype)
     out = q.copy()
     out[1:] *= signs[..., None]

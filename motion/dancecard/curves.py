@@ -64,3 +64,18 @@ def wander(rng: np.random.Generator, time: Array, channels: int, slowest: float,
     for w in range(waves):
         out += np.sin(time[:, None] * rate[w] + start[w])
     return out * np.sqrt(2 / waves)
+
+
+def dot(a: Array, b: Array) -> Array:
+    """Scalar products [...] of vectors [..., K]."""
+    product: Array = np.einsum("...i,...i->...", a, b)
+    return product
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Vector products [T, 3]; np.cross spends most of its time on generality."""
+    ax, ay, az = a.T
+    bx, by, bz = b.T
+    out = np.empty_like(a)
+    out[:, 0], out[:, 1], out[:, 2] = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    return out

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import figure
-from .curves import ease, hermite, travel
+from .curves import dot, ease, hermite, travel
 from .steps import Stances
 
 Array = NDArray[np.float64]
@@ -197,10 +197,10 @@ def _aside(place: Array, other: Stances, rolls: _Rolls) -> Array:
     k = np.clip(np.searchsorted(other.array("on"), middle, "right") - 1, 0, len(other.on) - 1)
     foot = np.stack([other.array("x")[k], np.zeros(len(place)), other.array("z")[k]], axis=-1)
     way = place[nexts] - place
-    size = np.sum(way * way, axis=-1)
-    along = np.clip(np.sum((foot - place) * way, axis=-1) / np.maximum(size, 1e-9), 0, 1)
+    size = dot(way, way)
+    along = np.clip(dot(foot - place, way) / np.maximum(size, 1e-9), 0, 1)
     near = place + along[:, None] * way - foot
-    distance = np.linalg.norm(near, axis=-1)
+    distance = np.sqrt(dot(near, near))
     away = near / np.maximum(distance, 1e-6)[:, None]
     between = np.clip(4 * along * (1 - along), 0, 1) * (size > 1e-4)
     return away * (np.maximum(CLEARANCE - distance, 0) * between)[:, None]

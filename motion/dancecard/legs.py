@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from .. import quat
 from . import figure, turns
-from .curves import ease
+from .curves import cross, dot, ease
 from .feet import Foot
 
 Array = NDArray[np.float64]
@@ -27,7 +27,7 @@ def bend(position: Array, rotation: Array, foot: Foot, sign: float) -> dict[str,
     hip = position + quat.rotate(rotation, np.broadcast_to(figure.HIP * [sign, 1, 1], position.shape))
     free = ease(np.minimum(foot.swing / 0.12, (0.97 - foot.swing) / 0.2))
     way = foot.ankle - hip
-    distance = np.linalg.norm(way, axis=-1)
+    distance = np.sqrt(dot(way, way))
     down = way / distance[:, None]
     # A swinging leg does not reach out to the last: it stays a little bent, and is there when it lands.
     held = distance + free * (_yielding(distance, LONGEST - 0.004, 0.025) - distance)
@@ -50,8 +50,8 @@ def _knee(down: Array, reach: Array, facing: Array, toes: Array) -> tuple[Array,
     The knee points between where the pelvis faces and where the toes do (yaws [T]), a little more to these.
     """
     turned = facing + 0.6 * np.arctan2(np.sin(toes - facing), np.cos(toes - facing))
-    hinge = _unit(np.cross(_ahead(turned), down))
-    front = np.cross(down, hinge)
+    hinge = _unit(cross(_ahead(turned), down))
+    front = cross(down, hinge)
     a, b = figure.THIGH, figure.SHANK
     cosine = np.clip((a * a + reach * reach - b * b) / (2 * a * reach), -1, 1)[:, None]
     return hinge, cosine * down + np.sqrt(1 - cosine * cosine) * front
@@ -59,7 +59,7 @@ def _knee(down: Array, reach: Array, facing: Array, toes: Array) -> tuple[Array,
 
 def _pitch(foot: Foot, shank: Array, free: Array) -> Array:
     """Pitch [T] of a foot: in the air it bends up no further than an ankle does, if the toes stay clear."""
-    calf = np.arctan2(np.sum(shank * _ahead(foot.yaw), axis=-1), -shank[:, 1])
+    calf = np.arctan2(dot(shank, _ahead(foot.yaw)), -shank[:, 1])
     raised = foot.pitch - calf - DORSIFLEXION
     pitch = foot.pitch - free * np.where(raised > 0, raised - 0.1 * np.tanh(raised / 0.1), 0.0)
     lowest = LEVEL + np.arcsin(np.clip((TOE_CLEAR - foot.ankle[:, 1]) / INSTEP, -1, 1))
@@ -84,8 +84,8 @@ def _yielding(distance: Array, most: float, margin: float) -> Array:
 def _frame(left: Array, down: Array) -> Array:
     """Rotations whose X axis is left and whose Y axis is against down."""
     up = -down
-    return quat.from_matrix(np.stack([left, up, np.cross(left, up)], axis=-1))
+    return quat.from_matrix(np.stack([left, up, cross(left, up)], axis=-1))
 
 
 def _unit(v: Array) -> Array:
-    return v / np.linalg.norm(v, axis=-1, keepdims=True)
+    return v / np.sqrt(dot(v, v))[:, None]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .curves import ease, smooth
+from .curves import dot, ease, smooth
 
 Array = NDArray[np.float64]
 
@@ -108,8 +108,8 @@ def plan(moves: Sequence[Move], fps: float) -> Path:
         np.gradient(velocity, 1 / fps, axis=0),
         heading,
         np.gradient(heading, 1 / fps),
-        np.sum(velocity * forward, axis=-1),
-        np.sum(velocity * side, axis=-1),
+        dot(velocity, forward),
+        dot(velocity, side),
         np.clip(running, 0, 1),
         np.clip(crouching, 0, 1),
     )

@@ -10,7 +10,7 @@ from scipy import ndimage
 
 from .. import quat
 from . import figure, gait, turns
-from .curves import ease, smooth
+from .curves import dot, ease, smooth
 from .feet import Foot
 from .path import GRAVITY, Path
 from .rhythm import LEG, Rhythm
@@ -59,7 +59,7 @@ def _ground(path: Path, left: Foot, right: Foot, rhythm: Rhythm, style: Style) -
     fps, stand = path.fps, rhythm.stand
     on_left = smooth(rhythm.weight, 0.09 * fps)[:, None]
     support = on_left * left.ankle[:, [0, 2]] + (1 - on_left) * right.ankle[:, [0, 2]] - path.position
-    across, along = np.sum(support * rhythm.side, axis=-1), np.sum(support * rhythm.forward, axis=-1)
+    across, along = dot(support, rhythm.side), dot(support, rhythm.forward)
     aside = np.clip(np.abs(path.left) / np.maximum(path.speed, 0.3), 0, 1)
     amplitude = 0.6 * gait.lateral_excursion(path.speed) * style.sway
     amplitude = amplitude * (1 - 0.65 * rhythm.run) * (1 - 0.7 * aside) * (1 - stand)
@@ -93,7 +93,7 @@ def _reach(foot: Foot, sign: float, flat: Array, rotation: Array, run: Array) ->
     gap = foot.ankle[:, [0, 2]] - flat - hip[:, [0, 2]]
     knee = KNEE + (RUNNING_KNEE - KNEE) * run * foot.on
     longest = LEG**2 - 2 * figure.THIGH * figure.SHANK * (1 - np.cos(knee))
-    high = foot.ankle[:, 1] - hip[:, 1] + np.sqrt(np.maximum(longest - np.sum(gap * gap, axis=-1), 0.01))
+    high = foot.ankle[:, 1] - hip[:, 1] + np.sqrt(np.maximum(longest - dot(gap, gap), 0.01))
     loose = ease(np.minimum((foot.swing - 0.05) / 0.15, (0.9 - foot.swing) / 0.25))
     return high + 0.1 * np.where(foot.on, 0.0, loose)
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import figure
-from .curves import ease, smooth, smoothstep, wander
+from .curves import dot, ease, smooth, smoothstep, wander
 from .feet import Foot
 from .path import GRAVITY, Path
 from .style import Style
@@ -55,10 +55,9 @@ def rhythm(path: Path, left: Foot, right: Foot, style: Style, rng: np.random.Gen
     shift = wander(rng, path.time, 2, 16.0, 5.0)
     forward = np.stack([np.sin(path.heading), np.cos(path.heading)], axis=-1)
     side = np.stack([np.cos(path.heading), -np.sin(path.heading)], axis=-1)
-    apart = np.sum((left.ankle - right.ankle)[:, [0, 2]] * forward, axis=-1) / LEG
+    apart = dot((left.ankle - right.ankle)[:, [0, 2]], forward) / LEG
     lean_ahead, lean_left = (
-        MOST_LEAN
-        * np.tanh(0.8 * smooth(np.sum(path.acceleration * axis, axis=-1), 0.08 * fps) / GRAVITY / MOST_LEAN)
+        MOST_LEAN * np.tanh(0.8 * smooth(dot(path.acceleration, axis), 0.08 * fps) / GRAVITY / MOST_LEAN)
         for axis in (forward, side)
     )
     return Rhythm(
