@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import random
+import re
+import struct
 import time
+import tracemalloc
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -97,6 +102,95 @@ TOML = {
 def test_toml_by_grammar(tmp_path: Path, name: str, data: st.DataObject) -> None:
     text = data.draw(grammar.toml(*TOML[name]))
     targets.run(targets.get(name), text.encode(), tmp_path)
+
+
+# What fuzzing found, and what must cost no memory
+
+
+def _archive(members: dict[str, bytes]) -> bytes:
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in members.items():
+            archive.writestr(f"{name}.npy", content)
+    return out.getvalue()
+
+
+def _array(header: str, data: bytes = b"") -> bytes:
+    text = header.encode() + b" " * (-(11 + len(header)) % 64) + b"\n"
+    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(text)) + text + data
+
+
+def _header(kind: str, shape: tuple[int, ...]) -> str:
+    return repr({"descr": kind, "fortran_order": False, "shape": shape})
+
+
+def _npz(**changed: bytes) -> bytes:
+    plain = {
+        "fps": _array(_header("<f8", ()), struct.pack("<d", 30)),
+        "parents": _array(_header("<i4", (2,)), struct.pack("<2i", -1, 0)),
+        "positions": _array(_header("<f8", (2, 2, 3)), struct.pack("<12d", *range(12))),
+    }
+    return _archive(plain | changed)
+
+
+def _times(last: float) -> bytes:
+    """A GLB file whose keys stand at 0, 1/30, ... and `last` seconds."""
+    data = documents.gltf(binary=True)
+    old = struct.pack("<5f", *(k / 30 for k in range(5)))
+    assert old in data
+    return data.replace(old, old[:16] + struct.pack("<f", last))
+
+
+def _many_joints(count: int) -> bytes:
+    """``database.bin`` of one frame and many joints, all hanging on the first."""
+    size, turns = struct.pack("<2i", 1, count), struct.pack("<4f", 1, 0, 0, 0) * count
+    parents = struct.pack(f"<{count + 1}i", count, -1, *[0] * (count - 1))
+    return size + bytes(12 * count) + size + turns + parents + struct.pack("<4i", 1, 0, 1, 1)
+
+
+FOUND: dict[str, tuple[str, bytes, str]] = {
+    "a key of two lines": ("roles", b'"a\\nb" = 1', "'a\\\\nb': unknown key|unknown key"),
+    "a long key": ("settings", b"a" * 5000 + b" = 1", r"aaa\.\.\."),
+    "a long header": ("tags", b"tag," * 3000, "header 'tag,tag"),
+    "lines that only Python counts": ("tags", b'tag,clips\n"' + b"\x0b" * 9, ":2: not CSV"),
+    "a name of two hundred words": ("bvh", documents.BVH.replace(b"Left Leg", 200 * b"Left "), ""),
+    "a count of thousands of digits": (
+        "bvh", documents.BVH.replace(b"CHANNELS 6", b"CHANNELS " + b"9" * 5000), "needs a count"),
+    "thousands of joints": ("reference", _many_joints(3000), "3000 joints, at most 1000"),
+    "rotations beyond floats": (
+        "reference", documents.reference_database(short=True).replace(
+            struct.pack("<f", documents.chain()[1][0, 0, 0]), b"\xff\xff\x7f\x7f"), "not unit quaternions"),
+    "a header that is no Python": ("npz", _npz(fps=_array("{\n  1\n 2")), "not an NPZ file"),
+    "a header with an open bracket": ("npz", _npz(fps=_array("({")), "not an NPZ file"),
+    "no letters": (
+        "npz", _npz(names=_array(_header("<U1", (2,)), b"\xff" * 8)), "names holds what are no letters"),
+    "letters of no size": ("npz", _npz(names=_array(_header("<U0", (2,)))), "of type <U0"),
+    "a signalling NaN": (
+        "npz", _npz(positions=_array(_header("<f4", (2, 2, 3)), 12 * b"\x01\x00\xa0\x7f")), "finite number"),
+    "an array of terabytes": (
+        "npz", _npz(positions=_array(_header("<f8", (10**12, 2, 3)))), "which is .* GiB"),
+    "an archive of zeros": (
+        "npz", _npz(positions=_array(_header("|i1", (2_000_000, 2, 3)), bytes(12_000_000))), "no motion"),
+    "keys a day apart": ("glb", _times(86_400), "keys may not be minutes apart"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FOUND)
+def test_what_was_found_stays_mended(tmp_path: Path, name: str) -> None:
+    reader, data, message = FOUND[name]
+    target = targets.get(reader)
+    tracemalloc.start()
+    try:
+        outcome = targets.run(target, data, tmp_path)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert outcome == ("refused" if message else "read")
+    assert peak < 30e6 + 30 * len(data)
+    if message:
+        with pytest.raises(UserError) as error:
+            target.read(tmp_path / f"file{target.suffix}")
+        assert re.search(message, str(error.value))
 
 
 # Size
