@@ -7,8 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from motion import axes, kinematics
+from motion import axes, kinematics, quat
+from motion.axes import Convention
 from motion.errors import UserError
+from motion.pose import Poses
 
 CHOICES = [
     (u, f, h) for u, f in itertools.product(axes.AXES, repeat=2) if u[-1] != f[-1] for h in axes.HANDEDNESS
@@ -71,3 +73,79 @@ def test_bases_are_orthonormal(choice):
 def test_bad_axes(walker, change, message):
     with pytest.raises(UserError, match=message):
         axes.convert(walker, **change)
+
+
+CONVENTIONS = {
+    "ours": Convention(),
+    "Blender": Convention(up="z", forward="-y"),
+    "Unity": Convention(handedness="left"),
+    "Unreal": Convention(up="z", forward="x", handedness="left", scale=100.0),
+    "odd": Convention(up="-x", forward="z", handedness="left", scale=0.5),
+}
+
+
+@pytest.fixture(params=CONVENTIONS.values(), ids=CONVENTIONS.keys())
+def convention(request):
+    return request.param
+
+
+def test_poses_and_their_rates_transform_as_matrices_say(walker, convention):
+    poses = Poses.of_clip(walker)
+    out = convention.poses_to(poses)
+    b, scale = axes.basis(convention.up, convention.forward, convention.handedness), convention.scale
+    sign = np.linalg.det(b)
+    assert sign == pytest.approx(1 if convention.handedness == "right" else -1)
+    local = quat.to_matrix(poses.rotations.astype(np.float64))
+    np.testing.assert_allclose(quat.to_matrix(out.rotations.astype(np.float64)), b @ local @ b.T, atol=1e-6)
+    np.testing.assert_allclose(out.positions, scale * poses.positions @ b.T, rtol=1e-5, atol=1e-5)
+    np.testing.assert_allclose(out.velocities, scale * poses.velocities @ b.T, rtol=1e-5, atol=1e-4)
+    # dR/dt = [w]x R holds there too, which is what an angular velocity is.
+    clip = convention.clip_to(walker)
+    rates = kinematics.angular_velocities(clip.rotations, clip.fps)
+    np.testing.assert_allclose(out.angular_velocities, rates, atol=1e-3)
+    world = kinematics.forward(clip.skeleton, out.positions, out.rotations)[0]
+    ours = kinematics.forward(walker.skeleton, walker.positions, walker.rotations)[0]
+    np.testing.assert_allclose(world, scale * ours @ b.T, rtol=1e-4, atol=1e-4 * scale)
+
+
+def test_poses_come_back_and_may_change_in_place(walker, convention):
+    poses = Poses.of_clip(walker)
+    there = convention.poses_to(poses)
+    back = convention.poses_from(there)
+    for name, array in poses.arrays().items():
+        np.testing.assert_allclose(back.arrays()[name], array, rtol=1e-5, atol=1e-5)
+        assert there.arrays()[name].dtype == np.float32
+    same = poses.copy()
+    assert convention.poses_to(same, same) is same
+    np.testing.assert_array_equal(same.rotations, there.rotations)
+
+
+def test_commands_come_in_as_the_consumer_sees_them(convention):
+    b = axes.basis(convention.up, convention.forward, convention.handedness)
+    yaw = np.linspace(-3, 3, 13)
+    facing = np.stack([np.sin(yaw), 0 * yaw, np.cos(yaw)], axis=-1)  # ours: 0 faces +Z, pi/2 the left
+    theirs = convention.ground_to(facing[:, [0, 2]])
+    np.testing.assert_allclose(theirs, convention.scale * facing @ b.T, atol=1e-12)
+    np.testing.assert_allclose(convention.ground_from(theirs), facing[:, [0, 2]], atol=1e-12)
+    heights = theirs + 3 * convention.ground_to([0.0, 0.0]) + b[:, 1]
+    np.testing.assert_allclose(convention.ground_from(heights), facing[:, [0, 2]], atol=1e-12)
+    # Their yaw turns their forward axis about their up axis by the formula that every handedness shares.
+    about, turned = b[:, 1], convention.yaw_to(yaw)[:, None]
+    rotated = b[:, 2] * np.cos(turned) + np.cross(about, b[:, 2]) * np.sin(turned)
+    np.testing.assert_allclose(rotated * convention.scale, theirs, atol=1e-12)
+    np.testing.assert_allclose(convention.yaw_from(convention.yaw_to(yaw)), yaw)
+
+
+def test_left_handed_axes_turn_right_for_positive_angles():
+    assert CONVENTIONS["Unity"].yaw_to(0.5) == -0.5
+    assert CONVENTIONS["Blender"].yaw_to(0.5) == 0.5
+    # In Unity's axes the right is +x, in Unreal's +y.
+    np.testing.assert_allclose(CONVENTIONS["Unity"].ground_to([-1.0, 0.0]), [1, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(CONVENTIONS["Unreal"].ground_to([-1.0, 0.0]), [0, 100, 0], atol=1e-12)
+
+
+def test_a_convention_without_sense_is_refused():
+    with pytest.raises(UserError, match="lie along one axis"):
+        Convention(up="z", forward="-z")
+    with pytest.raises(UserError, match="scale of 0"):
+        Convention(scale=0)
