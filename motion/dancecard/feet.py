@@ -157,7 +157,7 @@ def _bend(rolls: _Rolls, time: Array) -> Array:
             rolls.on, rolls.flat, rolls.rise, rolls.off, rolls.off + (0.55 + 0.2 * rolls.run) * rolls.swing
         ),
         _woven(held, zero, zero, -0.92 * push, rest),
-        _woven(down, zero, zero, -0.92 * np.minimum(rolls.leave_rate, 0), zero),
+        _woven(down, zero, zero, -0.45 * np.minimum(rolls.leave_rate, 0), zero),
         time,
     )
 

@@ -15,7 +15,7 @@ THIGH, SHANK = 0.245 * STATURE, 0.246 * STATURE
 ANKLE = 0.039 * STATURE  # height of the ankle above the sole
 BALL = np.array([0.0, 0.024, 0.135])  # the toe joint from the point of the sole below the ankle
 HEEL = np.array([0.0, 0.0, -0.055])  # where the heel touches, likewise
-TOE = np.array([0.0, -0.014, 0.068])  # the tip of the toes from the toe joint
+TOE = np.array([0.0, -0.010, 0.068])  # the tip of the toes from the toe joint
 HIP = np.array([0.088, -0.065, 0.0])  # the left hip joint from the middle of the pelvis
 
 _SPINE = (

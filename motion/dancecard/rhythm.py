@@ -30,6 +30,7 @@ class Rhythm:
     swing : how far the left foot is ahead of the right one, in lengths of a leg.
     lean_ahead, lean_left : lean of an inverted pendulum under the body's acceleration, radians.
     idle : [T, 14] restless wandering, about 1 in size.
+    tremble : [T, 6] quick small wandering, larger the faster the body goes, about 1 at 1.5 m/s.
     shift : [T, 2] slow wandering of a standing body: of its weight to the left, and of where it looks.
     forward, side : [T, 2] unit vectors of the facing over the ground, and of its left.
     """
@@ -42,6 +43,7 @@ class Rhythm:
     lean_ahead: Array
     lean_left: Array
     idle: Array
+    tremble: Array
     shift: Array
     forward: Array
     side: Array
@@ -53,6 +55,7 @@ def rhythm(path: Path, left: Foot, right: Foot, style: Style, rng: np.random.Gen
     stand = smooth(1 - ease(np.maximum(path.speed / 0.35, np.abs(path.turning) / 0.8)), 0.18 * fps)
     idle = style.restless * wander(rng, path.time, 14, 9.0, 1.6)
     shift = wander(rng, path.time, 2, 16.0, 5.0)
+    tremble = wander(rng, path.time, 6, 0.35, 0.12) * (0.15 + 0.57 * path.speed)[:, None]
     forward = np.stack([np.sin(path.heading), np.cos(path.heading)], axis=-1)
     side = np.stack([np.cos(path.heading), -np.sin(path.heading)], axis=-1)
     apart = dot((left.ankle - right.ankle)[:, [0, 2]], forward) / LEG
@@ -69,6 +72,7 @@ def rhythm(path: Path, left: Foot, right: Foot, style: Style, rng: np.random.Gen
         lean_ahead=lean_ahead,
         lean_left=lean_left,
         idle=idle,
+        tremble=tremble,
         shift=shift,
         forward=forward,
         side=side,

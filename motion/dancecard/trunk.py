@@ -42,8 +42,14 @@ def _chest(path: Path, left: Foot, right: Foot, rhythm: Rhythm, style: Style) ->
     nod = np.radians(1.6) * nodding(left, right, path, rhythm)
     pitch = np.radians(8.0 + style.lean + 8.0 * run + 22.0 * rhythm.crouch) + 0.9 * rhythm.lean_ahead
     pitch = pitch + nod + 0.02 * np.minimum(path.speed, 2) + 0.014 * idle[:, 4]
+    pitch = pitch + 0.0012 * rhythm.tremble[:, 4]
     roll = -0.8 * rhythm.lean_left - 0.35 * drop(path, rhythm) + 0.010 * idle[:, 5]
-    yaw = path.heading + counter + 0.02 * idle[:, 6] * (0.3 + 0.7 * rhythm.stand)
+    yaw = (
+        path.heading
+        + counter
+        + 0.02 * idle[:, 6] * (0.3 + 0.7 * rhythm.stand)
+        + 0.0015 * rhythm.tremble[:, 5]
+    )
     return quat.mul(turns.y(yaw), quat.mul(turns.z(roll), turns.x(pitch))), roll
 
 
