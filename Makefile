@@ -1,11 +1,14 @@
-# make demo   the main job: motion matching measured on real clips      make test   the tests
-# make lint   formatter, linter, type checker, import checker           make clean  all that these made
+# make demo   the main job: motion matching measured on generated clips   make test   the tests
+# make lint   formatter, linter, type checker, import checker             make clean  all that these made
+#
+# make demo DATA=FOLDER measures it on your own clips.
 #
 # Each makes its own .venv first, with nothing but Python 3.11 or later; the second time that costs nothing.
 
-CMU := ../shared/data/cmu/asfamc
-DATA ?= $(CMU)
-ifeq ($(DATA),$(CMU))
+DANCE := out/dancecard
+DATA ?= $(DANCE)
+# Clips of CMU by their usual folder.
+ifneq ($(filter %cmu/asfamc,$(patsubst %/,%,$(DATA))),)
 # Jumps, dives, duck-unders and leaps over a box: no locomotion that a stick asks for.
 EXCLUDE ?= 02_04 16_0[1-79] 127_2[1-9] 127_3*
 endif
@@ -22,9 +25,13 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --prefer
 .DELETE_ON_ERROR:
 
 help:
-	@sed -n 's/^# \{0,1\}//p' Makefile | head -2
+	@sed -n 's/^# \{0,1\}//p' Makefile | head -4
 
 demo: $(CORE)
+ifeq ($(DATA),$(DANCE))
+	@rm -rf "$(DANCE)"
+	$(BIN)/python -m motion dancecard -o "$(DANCE)"
+endif
 	@test -e "$(DATA)" || { \
 	  echo "error: no clips at $(DATA); say where yours are: make demo DATA=FOLDER (BVH or ASF/AMC)" >&2; exit 2; }
 	$(BIN)/python -m bench compare "$(DATA)" $(foreach pattern,$(EXCLUDE),--exclude '$(pattern)') -o "$(OUT)"
