@@ -76,7 +76,7 @@ class Builder:
         """Write it as the suffix says: .glb, or .gltf with its buffer beside it or as a data URI."""
         buffer: dict[str, Any] = {"byteLength": len(self.binary)}
         if self.binary:
-            self.json.setdefault("buffers", [buffer])
+            self.json["buffers"] = [buffer]
         if path.suffix.lower() != ".glb":
             if data_uri:
                 buffer["uri"] = (

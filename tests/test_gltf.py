@@ -97,6 +97,44 @@ def test_scales_turns_and_frames_of_a_rig_are_taken_out(walker, tmp_path):
     same_turns(world(own)[1], quat.mul(world(walker)[1], frames), 1e-5)
 
 
+@pytest.mark.parametrize("space", ["world", "above", "other axes"])
+def test_the_pose_that_a_skin_was_bound_in_is_the_rest_pose(walker, tmp_path, space):
+    """Nodes saved in mid-step, with inverse bind matrices of the standing walker in several spaces."""
+    builder, frames = turned_rig(walker, np.random.default_rng(1))
+    lying = quat.from_axis_angle([1.0, 0, 0], -np.pi / 2)
+    skeleton = walker.skeleton
+    above = np.maximum(skeleton.parents, 0)
+    back = quat.inv(frames[above])
+    back[0] = quat.inv(lying)
+    posed = quat.mul(back, quat.mul(walker.rotations[20], frames))
+    for j, node in enumerate(builder.json["nodes"][1:]):
+        node["rotation"] = xyzw(posed[j]).tolist()
+    places, turns = bind_pose(skeleton), frames
+    if space == "above":  # under the lying node of 0.01
+        places, turns = 100 * quat.rotate(quat.inv(lying), places), quat.mul(quat.inv(lying), turns)
+    elif space == "other axes":
+        side = quat.from_axis_angle([0, 0, 1.0], np.pi / 2)
+        places, turns = 7 * quat.rotate(side, places), quat.mul(side, turns)
+    matrices = np.tile(np.eye(4), (len(skeleton), 1, 1))
+    matrices[:, :3, :3], matrices[:, :3, 3] = quat.to_matrix(turns), places
+    inverse = np.swapaxes(np.linalg.inv(matrices), 1, 2).reshape(-1, 16)
+    builder.json["skins"][0]["inverseBindMatrices"] = builder.accessor(inverse)
+    path = builder.write(tmp_path / "a.glb")
+    clip = gltf.read(path)
+    np.testing.assert_allclose(world(clip)[0], world(walker)[0], atol=1e-5)
+    np.testing.assert_allclose(clip.skeleton.offsets[1:], skeleton.offsets[1:], atol=1e-5)
+    same_turns(clip.rotations, walker.rotations, 1e-4)
+
+    builder.json["skins"][0]["inverseBindMatrices"] = builder.accessor(inverse[:, ::-1])
+    nonsense = gltf.read(builder.write(tmp_path / "b.glb"))  # the nodes' own pose it is
+    np.testing.assert_allclose(world(nonsense)[0], world(walker)[0], atol=1e-5)
+    assert quat.angle_between(nonsense.rotations[20], quat.identity(1)).max() < 1e-4
+
+
+def bind_pose(skeleton):
+    return kinematics.forward(skeleton, skeleton.offsets.copy(), quat.identity(len(skeleton)))[0]
+
+
 def test_a_file_of_another_library(walker, tmp_path):
     pygltflib = pytest.importorskip("pygltflib")
     times = (np.arange(len(walker)) / walker.fps).astype("<f4")

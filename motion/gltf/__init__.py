@@ -1,7 +1,8 @@
 """Animations of glTF 2.0 files, ``.gltf`` and ``.glb`` (Khronos Group, "glTF 2.0 Specification", 2.0.1).
 
 A file's nodes become a skeleton, each of its animations a clip. The format is right-handed, Y up, +Z forward
-and in metres, as ours is. The nodes' own poses, as the file gives them, are the rest pose.
+and in metres, as ours is. Zero rotations are the pose that the skin was bound in, or else that of the nodes
+as they stand in the file.
 """
 
 from .clips import animations, read, read_all

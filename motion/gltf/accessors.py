@@ -10,12 +10,12 @@ from .document import Document, Item
 
 MOST_KEYS, MOST_ZEROS = 10_000_000, 100_000  # zeros cost the file nothing
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 _COMPRESSED = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 
 
 def numbers(document: Document, index: int, kind: str) -> NDArray[np.float64]:
-    """Values [count, width] of an accessor of a kind (SCALAR, VEC3, VEC4), normalised integers as fractions.
+    """Values [count, width] of an accessor of a kind (such as VEC3), normalised integers as fractions.
 
     A signed byte c stands for max(c / 127, -1), others likewise. Errors: UserError for another kind, bytes
     that the buffer does not have, and numbers that are not finite.

@@ -17,7 +17,7 @@ from .. import kinematics, quat
 from ..clip import Clip
 from ..errors import UserError
 from ..skeleton import Skeleton, distinct, listed
-from . import accessors, keys
+from . import accessors, bind, keys
 from . import rig as rigs
 from .document import Document, Item, open_document
 from .rig import Nodes, Rig
@@ -69,7 +69,8 @@ def read(
     animation : its label, see `animations`; it may be left out where the file has only one.
     fps : replaces the rate that the keys were taken at.
     own_frames : keep the nodes' own frames. By default each joint's frame is parallel to the world's in the
-        rest pose, so that zero rotations show the rest pose; joints' places in the world are the same.
+        rest pose, so that zero rotations show the rest pose; joints' places in the world are the same. That
+        is the pose a skin was bound in, or else the nodes' own.
 
     The clip begins at the animation's first key and ends at its last, sampled at the rate that most keys are
     apart (`keys.frame_rate`). Joint 0 moves as all that is above it does. Positions of joints are the file's,
@@ -184,6 +185,9 @@ def _clip(document: Document, motion: _Motion, own_frames: bool) -> Clip:
     place, turn, _ = _world(nodes, rig, tree, positions, rotations, scales)
 
     joints = slice(rig.above, None)
+    if not own_frames:
+        bound = bind.pose(document, rig, rest_place[0], rest_turn[0])
+        rest_place, rest_turn = bound[0][None], bound[1][None]
     frame = quat.identity(len(rig.names)) if own_frames else rest_turn[0, joints]
     parents = np.where(rig.parents[joints] >= rig.above, rig.parents[joints] - rig.above, -1)
     ends = {}
