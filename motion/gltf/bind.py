@@ -17,9 +17,7 @@ from .rig import Rig
 Array = NDArray[np.float64]
 
 _SAME, _MOST = 0.02, 0.9  # most bones have to be as long, to so much, as the nodes have them
-_ALIKE = (
-    0.5  # mean cosine of bones in both poses, by their lengths: posed somehow, but not lying for standing
-)
+_ALIKE = 0.35  # mean cosine of bones, by their lengths: nodes may be posed, but not lie for standing
 
 
 def pose(document: Document, rig: Rig, place: Array, turn: Array) -> tuple[Array, Array]:
