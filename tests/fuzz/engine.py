@@ -12,6 +12,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
+import os
 import random
 import resource
 import sys
@@ -50,7 +51,7 @@ def main(name: str, folder: Path, seconds: int, seed: int) -> None:
     import atheris
 
     sys.path.insert(0, str(ROOT))
-    with atheris.instrument_imports(include=PACKAGES):
+    with atheris.instrument_imports(include=PACKAGES, exclude=_compiled()):
         from . import targets
 
         target = targets.get(name)
@@ -111,8 +112,8 @@ def main(name: str, folder: Path, seconds: int, seed: int) -> None:
             data = rng.choice(seeds)
         return targets.spoil(target, rng, data, rng.choice(seeds))[:most]
 
-    options = [f"-max_total_time={seconds}", f"-seed={seed or 1}", f"-max_len={LONGEST}", "-timeout=60"]
-    options += ["-rss_limit_mb=0", "-len_control=0", "-verbosity=0", "-close_fd_mask=0"]
+    limits = f"-max_total_time={seconds} -timeout=60 -max_len={LONGEST} -len_control=0 -rss_limit_mb=0"
+    options = [*limits.split(), f"-seed={seed or 1}", f"-artifact_prefix={folder}/", "-verbosity=0"]
     atheris.Setup(["fuzz", *options, str(corpus)], one, custom_mutator=spoil)
     atheris.Fuzz()
 
@@ -130,6 +131,15 @@ def minimised(data: bytes, fails: Any, budget: float = 10.0) -> bytes:
                 at += size
         size //= 2
     return data
+
+
+def _compiled() -> list[str]:
+    """Modules with kernels, which cannot be compiled with the engine's own calls among their lines."""
+    if os.environ.get("NUMBA_DISABLE_JIT") == "1":
+        return []
+    files = [path for package in PACKAGES for path in (ROOT / package).rglob("*.py")]
+    kernels = [path for path in files if "numba.njit" in path.read_text()]
+    return [".".join(path.relative_to(ROOT).with_suffix("").parts) for path in kernels]
 
 
 def _peak() -> float:

@@ -228,6 +228,13 @@ def _course() -> Target:
     return Target(".toml", seeds, target.read, target.check, target.modules, target.words)
 
 
+def _registry() -> Target:
+    from motion.fetching import registry
+
+    seed = (Path(registry.__file__).parent / "registry.toml").read_bytes()
+    return _toml(seed, registry.load, "motion/fetching/registry.py")
+
+
 def _tags() -> Target:
     from mm import tags
 
@@ -354,6 +361,7 @@ TARGETS: dict[str, Callable[[], Target]] = {
     "schema": _schema,
     "settings": _settings,
     "course": _course,
+    "registry": _registry,
     "tags": _tags,
     "tags-toml": _tags_toml,
     "names": _names,
