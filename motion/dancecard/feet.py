@@ -183,10 +183,10 @@ def _bell(s: Array) -> Array:
 def _height(s: Array, length: Array, run: Array) -> Array:
     """Height of the pin in a swing, metres; length is that of the step from place to place."""
     x = np.clip(s, 0, 1)
-    walk = 0.07 + 0.022 * np.clip(length / 1.3, 0, 1)
-    walk = walk * ease(x / 0.45) * (1 - ease((x - 0.33) / 0.67))
+    walk = 0.064 + 0.022 * np.clip(length / 1.3, 0, 1)
+    walk = walk * ease(x / 0.3) * (1 - ease((x - 0.33) / 0.67))
     running = 0.11 + 0.13 * np.clip((length - 1.2) / 2.0, 0, 1)
-    running = running * ease(x / 0.34) * (1 - ease((x - 0.25) / 0.75))
+    running = running * ease(x / 0.28) * (1 - ease((x - 0.25) / 0.75))
     return (1 - run) * walk + run * running
 
 

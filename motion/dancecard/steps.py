@@ -263,7 +263,7 @@ def _leave_pitch(ahead: float, left: float, running: float, crouching: float) ->
     if ahead < -0.25:
         return math.radians(8 - 4 * max(ahead, -1.5))
     walk = -min(22 + 28 * max(ahead, 0.0), 64) + 8 * min(abs(left), 1)
-    degrees = (1 - running) * walk * (1 - 0.25 * crouching) + running * (-44 - 2.0 * ahead)
+    degrees = (1 - running) * walk * (1 - 0.4 * crouching) + running * (-44 - 2.0 * ahead)
     return math.radians(min(degrees, -12.0))
 
 
