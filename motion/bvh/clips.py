@@ -11,7 +11,7 @@ import numpy as np
 from .. import euler, files, quat, units
 from ..clip import Clip
 from ..errors import UserError
-from ..skeleton import Skeleton, sort_topologically
+from ..skeleton import Skeleton, distinct, sort_topologically
 from .document import CHANNELS, BvhDocument
 from .reading import parse
 from .writing import serialise
@@ -38,28 +38,9 @@ def to_clip(document: BvhDocument, *, name: str, unit_to_m: float = 1.0, source:
             column += 1
     rotations = euler.unrolled(document.values, columns, axes)
     ends = {j: sites[0] for j, sites in enumerate(document.end_sites) if sites}
-    skeleton = Skeleton(_distinct(document.names), document.parents, document.offsets, end_sites=ends)
+    skeleton = Skeleton(distinct(document.names), document.parents, document.offsets, end_sites=ends)
     clip = Clip(name, skeleton, document.fps, positions, rotations, source=source)
     return clip if unit_to_m == 1 else units.to_metres(clip, unit_to_m)
-
-
-def _distinct(names: tuple[str, ...]) -> tuple[str, ...]:
-    if len(set(names)) == len(names):
-        return names
-    taken, out = set(names), []
-    seen: dict[str, int] = {}
-    for name in names:
-        found = name
-        if name in seen:
-            number = seen[name] + 1
-            while (found := f"{name} {number}") in taken:
-                number += 1
-            seen[name] = number
-            taken.add(found)
-        else:
-            seen[name] = 1
-        out.append(found)
-    return tuple(out)
 
 
 def read(path: str | os.PathLike[str], *, fps: float | None = None, unit_to_m: float = 1.0) -> Clip:
