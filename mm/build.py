@@ -68,9 +68,9 @@ def build(
     mirror : whether every clip is followed by its mirrored copy.
     jobs : threads; default: one a core.
     skeleton : the skeleton to use: that of a motion file, of `mm.skeletons.BUILT_IN` by name, or one itself.
-        Without it all clips must have the same joints. Other bone lengths are fitted to it, or to the first
-        clip's.
-    retarget : whether clips with other joints are moved onto the skeleton by roles, or left out.
+        Without it all clips must have the same joints, and the first clip's bones serve.
+    retarget : whether clips with other joints or bones are moved onto the skeleton by roles; else those with
+        other joints are left out, and other bone lengths are fitted.
     roles_only : use a flat skeleton of the joints that the schema needs, so that skeletons may differ.
     check : whether `motion.check` looks at every clip, and what it finds to be bad is cut out.
     clips : a file of rules about some of the clips, see `motion.facts`; besides those in the folders.
@@ -178,15 +178,6 @@ def _ground(
     work: Work,
 ) -> list[Clip]:
     """Clips at the database's rate, on one skeleton, under a ground root; empties the list given."""
-    if target is not None:
-        others = sum(
-            body is None and skeletons.differs(clip, target.skeleton)
-            for clip, body in zip(clips, bodies, strict=True)
-        )
-        if others:
-            work.note(
-                f"{others} of {len(clips)} clips have other bone lengths and are fitted to one skeleton"
-            )
 
     def ground(i: int) -> Clip:
         clip, clips[i] = clips[i], None  # type: ignore[call-overload]  # two whole copies need not fit

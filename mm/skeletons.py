@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NoReturn
 
@@ -45,13 +45,11 @@ class Target:
     body: Anatomy | None = None
 
     def take(self, clip: Clip, source: Anatomy | None) -> Clip:
-        """A clip on the skeleton: as it is, with its bones' lengths, or by roles where source is given."""
+        """A clip on the skeleton: by roles where its body is given, else as it is or fitted."""
         if source is not None and self.body is not None:
-            return retarget(clip, self.body, source=source).replace(skeleton=self.skeleton)
-        return subset.fit(clip, self.skeleton) if differs(clip, self.skeleton) else self.hold(clip)
-
-    def hold(self, clip: Clip) -> Clip:
-        """A clip that moves as the skeleton does, on that skeleton itself."""
+            clip = retarget(clip, self.body, source=source)
+        elif differs(clip, self.skeleton):
+            return subset.fit(clip, self.skeleton)
         return clip.replace(skeleton=self.skeleton)
 
 
@@ -67,68 +65,92 @@ def agree(
 
     It is the wanted one, or the first piece's. Without a wanted one, pieces with other joints (names and
     hierarchy) are a UserError that lists the groups. With one they are retargeted; those that cannot be, or
-    are not to be, are left out, which is noted, and a UserError if none remains.
+    are not to be, are left out, which is noted, and a UserError if none remains. Other bone lengths are
+    retargeted, too, or else fitted.
     """
     skeleton = wanted.skeleton if isinstance(wanted, Clip) else wanted or pieces[0].clip.skeleton
-    groups = _by_joints(pieces)
-    others = [group for group in groups if not group[0].clip.skeleton.same_joints(skeleton)]
-    if wanted is None and others:
+    groups = _grouped(pieces, lambda skeleton: (skeleton.names, skeleton.parents.tobytes()))
+    same = [group[0].clip.skeleton.same_joints(skeleton) for group in groups]
+    if wanted is None and not all(same):
         _ask(groups)
-    sources: dict[int, Anatomy] = {}
-    body = None
-    if others and retargeting:
-        own = [p.posed or p.clip for p in pieces if p.clip.skeleton.same_joints(skeleton)]
-        model = [wanted] if isinstance(wanted, Clip) else []
-        try:
-            body = anatomy.anatomy(skeleton, [*model, *(c for c in own if not differs(c, skeleton))])
-        except UserError as error:
-            source = wanted.source if isinstance(wanted, Clip) else None
-            raise UserError(error.what, path=source, remedy=error.remedy) from error
-    for group in others:
-        left: dict[str, list[Piece]] = {}
-        for alike in _by_body(group):
-            try:
-                if body is None:
-                    raise UserError(_difference(group[0].clip.skeleton, skeleton))
-                clips = [p.posed or p.clip for p in sorted(alike, key=lambda p: p.posed is None)]
-                source_body = anatomy.anatomy(alike[0].clip.skeleton, clips)
-                plan(source_body, body)  # says whether one can move as the other does
-                sources.update((id(piece), source_body) for piece in alike)
-            except UserError as error:
-                left.setdefault(error.what, []).extend(alike)
-        for why, lost in left.items():
-            note(f"left out {_describe(lost)}: {why}")
-            report.leave_out(lost, "skeleton", why)
-    kept = [p for p in pieces if p.clip.skeleton.same_joints(skeleton) or id(p) in sources]
+    others = [p for p in pieces if not p.clip.skeleton.same_joints(skeleton) or differs(p.clip, skeleton)]
+    body = _target_body(pieces, wanted, skeleton, required=not all(same)) if others and retargeting else None
+    sources: dict[Piece, Anatomy] = {}
+    for group, alike in zip(groups, same, strict=True):
+        refused: dict[str, list[Piece]] = {}
+        if body is not None:
+            found, refused = _bodies([p for p in group if not alike or differs(p.clip, skeleton)], body)
+            sources |= found
+        elif not alike:
+            refused = {_difference(group[0].clip.skeleton, skeleton): group}
+        if not alike:
+            for why, lost in refused.items():
+                note(f"left out {_describe(lost)}: {why}")
+                report.leave_out(lost, "skeleton", why)
+    kept = [p for p in pieces if p.clip.skeleton.same_joints(skeleton) or p in sources]
     if not kept:
         clip = pieces[0].clip
         raise UserError(
-            f"no clip has the skeleton's {len(skeleton)} joints: {_difference(clip.skeleton, skeleton)}",
+            f"no clip has the skeleton's {len(skeleton)} joints: {_difference(clip.skeleton, skeleton)}"
+            if body is None
+            else f"no clip of {len(pieces)} can be retargeted; the first: {report.losses[-1].what}",
             path=clip.source,
             remedy="give --skeleton a file with the clips' joints",
         )
-    if sources:
-        count = sum(id(piece) in sources for piece in kept)
-        note(f"{count} of {len(kept)} clips have other joints and are retargeted by the roles of theirs")
-    return kept, [sources.get(id(piece)) for piece in kept], Target(skeleton, body)
+    _note_changes(kept, sources, skeleton, note)
+    return kept, [sources.get(piece) for piece in kept], Target(skeleton, body)
 
 
-def _by_joints(pieces: Sequence[Piece]) -> list[list[Piece]]:
-    groups: list[list[Piece]] = []
-    for piece in pieces:
-        for group in groups:
-            if group[0].clip.skeleton.same_joints(piece.clip.skeleton):
-                group.append(piece)
-                break
+def _target_body(
+    pieces: Sequence[Piece], wanted: Clip | Skeleton | None, skeleton: Skeleton, *, required: bool
+) -> Anatomy | None:
+    """How the skeleton's joints sit in the body, by all clips on it; a UserError, or None, if none tells."""
+    own = [p.posed or p.clip for p in pieces if p.clip.skeleton.same_joints(skeleton)]
+    model = [wanted] if isinstance(wanted, Clip) else []
+    try:
+        return anatomy.anatomy(skeleton, [*model, *(clip for clip in own if not differs(clip, skeleton))])
+    except UserError as error:
+        if not required:
+            return None
+        path = wanted.source if isinstance(wanted, Clip) else None
+        raise UserError(error.what, path=path, remedy=error.remedy) from error
+
+
+def _bodies(pieces: Sequence[Piece], target: Anatomy) -> tuple[dict[Piece, Anatomy], dict[str, list[Piece]]]:
+    """How the joints of pieces sit in their bodies; by reason, those that cannot move as the target does."""
+    found: dict[Piece, Anatomy] = {}
+    refused: dict[str, list[Piece]] = {}
+    for alike in _grouped(pieces, anatomy.body_of):
+        clips = [p.posed or p.clip for p in sorted(alike, key=lambda p: p.posed is None)]
+        try:
+            body = anatomy.anatomy(alike[0].clip.skeleton, clips)
+            plan(body, target)
+        except UserError as error:
+            refused.setdefault(error.what, []).extend(alike)
         else:
-            groups.append([piece])
-    return groups
+            found |= dict.fromkeys(alike, body)
+    return found, refused
 
 
-def _by_body(pieces: Sequence[Piece]) -> list[list[Piece]]:
-    groups: dict[tuple, list[Piece]] = {}
+def _note_changes(
+    kept: Sequence[Piece], sources: Mapping[Piece, Anatomy], skeleton: Skeleton, note: Callable[[str], None]
+) -> None:
+    joints = sum(not piece.clip.skeleton.same_joints(skeleton) for piece in kept)
+    bones = sum(piece in sources for piece in kept) - joints
+    fitted = sum(piece not in sources and differs(piece.clip, skeleton) for piece in kept)
+    for count, what in (
+        (joints, "have other joints and are retargeted by their roles"),
+        (bones, "have other bone lengths and are retargeted to those of one skeleton"),
+        (fitted, "have other bone lengths and are fitted to one skeleton"),
+    ):
+        if count:
+            note(f"{count} of {len(kept)} clips {what}")
+
+
+def _grouped(pieces: Sequence[Piece], key: Callable[[Skeleton], Hashable]) -> list[list[Piece]]:
+    groups: dict[Hashable, list[Piece]] = {}
     for piece in pieces:
-        groups.setdefault(anatomy.body_of(piece.clip.skeleton), []).append(piece)
+        groups.setdefault(key(piece.clip.skeleton), []).append(piece)
     return list(groups.values())
 
 
