@@ -163,6 +163,34 @@ def crowd(db: str, counts: tuple[int, ...], index: str, seconds: float, as_json:
         console.print_table(rows, title=f"{db}: microseconds a character and frame, one thread")
 
 
+@main.command(epilog="Example: python -m bench retarget walk.mmdb --joints 191 --counts 1,256")
+@click.argument("db", type=click.Path())
+@click.option(
+    "--joints", type=click.IntRange(1, 10_000), default=191, show_default=True, help="Joints of the rig."
+)
+@click.option("--counts", type=Listed(int), default="1,16,256,1024", show_default=True, help="Characters.")
+@click.option("--index", default="exact", show_default=True, help="Search index.")
+@click.option("--seconds", type=console.SECONDS, default=3.0, show_default=True, help="Of each run.")
+@console.json_option
+def retarget(
+    db: str, joints: int, counts: tuple[int, ...], index: str, seconds: float, as_json: bool
+) -> None:
+    """Microseconds a character and frame of driving a large rig at run time, and their share of the frame.
+
+    The rig is the database's skeleton with legs of other lengths, and joints added until it has as many as
+    asked for. Each row is one thread; twin_us is the plain NumPy of the same.
+    """
+    from . import retargeting
+
+    rows = retargeting.measure(
+        _load(db), joints=joints, counts=counts, index=index, seconds=seconds, progress=True
+    )
+    if as_json:
+        console.print_json(rows)
+    else:
+        console.print_table(rows, title=f"{db}: microseconds a character and frame, one thread")
+
+
 @main.command(epilog="Example: python -m bench reading clips/")
 @click.argument("files", nargs=-1, required=True, type=click.Path())
 @click.option(

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from mm import course as courses
+from mm.control import System
 from mm.controller import Controller, build_index
 from mm.course import Course
 from mm.database import Database
@@ -46,7 +47,7 @@ def measure(
     rows = []
     for count in console.progress(counts, label="crowd", unit="counts") if progress else counts:
         with_search, without = (
-            _cost(Controller(database, count=count, settings=chosen, index=shared), course, frames, repeats)
+            cost(Controller(database, count=count, settings=chosen, index=shared), course, frames, repeats)
             for chosen in (settings, Settings(search_interval=NEVER, forced_search_change=NEVER))
         )
         each = 1e6 / count
@@ -65,7 +66,8 @@ def measure(
     return rows
 
 
-def _cost(controller: Controller, course: Course, frames: int, repeats: int) -> timing.Cost:
-    clock = Clock(course, controller.count, controller.fps, spread=True)
-    next(frame for frame in drive(controller, clock) if frame == frames)
-    return timing.frame_cost(controller, clock, frames, repeats=repeats)
+def cost(system: System, course: Course, frames: int, repeats: int) -> timing.Cost:
+    """What so many frames of a system take whose characters are spread over a course."""
+    clock = Clock(course, system.count, system.fps, spread=True)
+    next(frame for frame in drive(system, clock) if frame == frames)
+    return timing.frame_cost(system, clock, frames, repeats=repeats)

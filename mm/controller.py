@@ -333,6 +333,10 @@ class Controller:
             self.stage_seconds[stage] = now - self._lap_start
             self._lap_start = now
 
+    def poses(self) -> Poses:
+        """The poses [N] that the last step showed, valid until the next one."""
+        return self._pose
+
     def planted(self) -> NDArray[np.uint8]:
         """Which feet the last step held on the ground [N, C]; valid until the next one."""
         np.copyto(self._planted, self._feet["locked"], casting="unsafe")

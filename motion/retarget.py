@@ -30,6 +30,10 @@ from .skeleton import Skeleton
 
 Array = NDArray[np.floating]
 
+# The anatomical frame of a ground root that faces +Z: up, forward and left.
+_ROOT_AXES = quat.from_matrix(np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]))
+_ALIKE = np.radians(10)  # to which bones point alike on two bodies of one rig
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Plan:
@@ -214,7 +218,8 @@ def _place_root(
     else:
         place = mapping.scale * root.root_positions(clip.skeleton, clip.fps, world_pos)
         yaw = root.root_headings(clip.skeleton, clip.fps, world_pos, world_rot)
-        facing = quat.mul(quat.from_yaw(yaw), _root_axes(mapping.target))
+        axes = quat.mul(_ROOT_AXES, quat.inv(mapping.target.frames[joint]))
+        facing = quat.mul(quat.from_yaw(yaw), axes)
     new_pos, new_rot = kinematics.forward(skeleton, positions, rotations)
     new_pos[:, joint], new_rot[:, joint] = place, facing
     under = skeleton.chain(skeleton.roles["hips"], joint)
@@ -293,34 +298,39 @@ def soles(mapping: Plan, roles: Sequence[str]) -> tuple[Array, Array]:
     return theirs, ours
 
 
-def _root_axes(target: Anatomy) -> Array:
-    """From the axes of a root that faces +Z to those of the target's root: up and forward of its frame."""
-    matrix = np.stack(
-        [np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])], axis=-1
-    )
-    return quat.mul(quat.from_matrix(matrix), quat.inv(target.frames[target.skeleton.roles["root"]]))
-
-
 def anatomy_like(skeleton: Skeleton, source: Anatomy) -> Anatomy:
-    """A skeleton's anatomy; one with the source's joints and bones' directions has the source's frames."""
+    """A skeleton's anatomy. One with the source's joints, and bones that point as the source's do, has the
+    source's frames, whatever else it has; roles that it does not know are the source's then."""
     old = source.skeleton
-    if old.same_joints(skeleton):
-        ours, theirs = skeleton.offsets[1:], source.bones[1:]
-        sizes = np.linalg.norm(ours, axis=-1) * np.linalg.norm(theirs, axis=-1)
-        fixed = ~np.isin(np.arange(1, len(old)), old.chain(old.roles["hips"])) & (sizes > 1e-9)
-        along = np.sum(ours * theirs, axis=-1)[fixed]
-        if np.all(along > np.cos(np.radians(10)) * sizes[fixed]):
-            roles = skeleton.roles or old.roles
-            return Anatomy(
-                skeleton.with_roles(roles),
-                skeleton.offsets,
-                source.rest,
-                source.frames,
-                source.known,
-                np.nan,
-                source.on_all_fours,
-            )
-    return anatomy(skeleton)
+    place = {name: j for j, name in enumerate(skeleton.names)}
+    if not all(name in place for name in old.names):
+        return anatomy(skeleton)
+    own = np.array([place[name] for name in old.names])
+    above = np.where(skeleton.parents[own] < 0, -1, skeleton.parents[own])
+    expected = np.where(old.parents < 0, above, own[np.maximum(old.parents, 0)])
+    fixed = ~np.isin(np.arange(len(old)), old.chain(old.roles["hips"]))
+    ours, theirs = skeleton.offsets[own][fixed], source.bones[fixed]
+    sizes = np.linalg.norm(ours, axis=-1) * np.linalg.norm(theirs, axis=-1)
+    apart = np.sum(ours * theirs, axis=-1) < np.cos(_ALIKE) * sizes - 1e-9
+    more = {role for role, j in skeleton.roles.items() if j not in own} - {root.NAME}
+    if np.any(above != expected) or apart.any() or more:
+        return anatomy(skeleton)
+    roles = dict(skeleton.roles) or {role: int(own[j]) for role, j in old.roles.items()}
+    rest, frames = quat.identity(len(skeleton)), quat.identity(len(skeleton))
+    known = np.zeros(len(skeleton), bool)
+    rest[own], frames[own], known[own] = source.rest, source.frames, source.known
+    ground = roles.get(root.NAME, -1)
+    if ground >= 0 and not known[ground]:
+        frames[ground], known[ground] = _ROOT_AXES, True
+    return Anatomy(
+        skeleton=skeleton.with_roles(roles),
+        bones=skeleton.offsets,
+        rest=rest,
+        frames=frames,
+        known=known,
+        sole=np.nan,
+        on_all_fours=source.on_all_fours,
+    )
 
 
 def _pairs(old: Skeleton, new: Skeleton) -> dict[int, int]:

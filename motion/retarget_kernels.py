@@ -28,19 +28,23 @@ _jit = numba.njit(cache=True, nogil=True, error_model="numpy")
 class Tables(NamedTuple):
     """What a `motion.retarget.Plan` comes down to, as the kernel reads it; float64 but for indices.
 
-    source_parents [Js], source_needed [..]: joints of the source whose world transform is asked for, parents
-    first; hips, source_root: of the source. parents [Jt], needed [..]: joints of the target that move in the
-    world, parents first; starts [Jt + 1], joints, weights [E], turns [E, 4]: what turns them; kinds [Jt]:
-    whether a joint is placed in the world as the root or the carrier; pelvis, target_pelvis [3]; moves [2]:
-    scale and lift. legs [C, 4], points, hinges [C, 3], heights [C, 2], lengths [C]: see `motion.foot_lock`.
+    source_parents [Js], source_needed [..]: joints of the source whose world rotation is asked for, parents
+    first; source_placed [Js]: whether its place is, too; hips, source_root: of the source. parents [Jt],
+    needed [..]: joints of the target that turn, parents first; placed [Jt]: 1 where a joint's place in the
+    world is asked for, 2 where its velocity is too; starts [Jt + 1], joints, weights [E], turns [E, 4]: what
+    turns them; kinds [Jt]: whether a joint is placed in the world as the root or the carrier; pelvis,
+    target_pelvis [3]; moves [2]: scale and lift. legs [C, 4], points, hinges [C, 3], heights [C, 2], lengths
+    [C]: see `motion.foot_lock`.
     """
 
     source_parents: NDArray[np.int32]
     source_needed: NDArray[np.int64]
+    source_placed: NDArray[np.int64]
     hips: int
     source_root: int
     parents: NDArray[np.int32]
     needed: NDArray[np.int64]
+    placed: NDArray[np.int64]
     starts: NDArray[np.int32]
     joints: NDArray[np.int32]
     weights: NDArray[np.float64]
@@ -100,22 +104,26 @@ def _source_world(t, w, positions, rotations, velocities, angular):
     for n in range(len(t.source_needed)):
         j = t.source_needed[n]
         p = t.source_parents[j]
-        x = _vector(positions, j)
         q = _quaternion(rotations, j)
-        v = _vector(velocities, j)
         a = _vector(angular, j)
         if p >= 0:
             above = _quaternion(w.source_rot, p)
             turning = _vector(w.source_ang, p)
-            arm = rotate(above, x)
-            x = _sum(_vector(w.source_pos, p), arm)
             q = mul(above, q)
-            v = _sum(_sum(_vector(w.source_vel, p), rotate(above, v)), cross(turning, arm))
             a = _sum(turning, rotate(above, a))
-        _put(w.source_pos, j, x)
         _put4(w.source_rot, j, q)
-        _put(w.source_vel, j, v)
         _put(w.source_ang, j, a)
+        if t.source_placed[j]:
+            x = _vector(positions, j)
+            v = _vector(velocities, j)
+            if p >= 0:
+                above = _quaternion(w.source_rot, p)
+                arm = rotate(above, x)
+                x = _sum(_vector(w.source_pos, p), arm)
+                spin = cross(_vector(w.source_ang, p), arm)
+                v = _sum(_sum(_vector(w.source_vel, p), rotate(above, v)), spin)
+            _put(w.source_pos, j, x)
+            _put(w.source_vel, j, v)
 
 
 @_jit
@@ -139,6 +147,8 @@ def _target_world(t, w, bones):
             q, a = _mean(t, w, first, last)
         _put4(w.rot, j, q)
         _put(w.ang, j, a)
+        if t.placed[j] == 0:
+            continue
         kind = t.kinds[j]
         if kind == ROOT:
             s = t.source_root
@@ -156,7 +166,8 @@ def _target_world(t, w, bones):
             if p >= 0:
                 arm = rotate(_quaternion(w.rot, p), x)
                 x = _sum(_vector(w.pos, p), arm)
-                v = _sum(_vector(w.vel, p), cross(_vector(w.ang, p), arm))
+                if t.placed[j] == 2:
+                    v = _sum(_vector(w.vel, p), cross(_vector(w.ang, p), arm))
         _put(w.pos, j, x)
         _put(w.vel, j, v)
 
@@ -185,20 +196,22 @@ def _to_local(t, w, positions, rotations, velocities, angular):
         j = t.needed[n]
         p = t.parents[j]
         q, a = _quaternion(w.rot, j), _vector(w.ang, j)
+        if p >= 0:
+            back = inv(_quaternion(w.rot, p))
+            q = mul(back, q)
+            a = rotate(back, _less(a, _vector(w.ang, p)))
+        _put4(rotations, j, q)
+        _put(angular, j, a)
+        if t.kinds[j] == FREE:
+            continue
         x, v = _vector(w.pos, j), _vector(w.vel, j)
         if p >= 0:
             back = inv(_quaternion(w.rot, p))
-            turning = _vector(w.ang, p)
             arm = _less(x, _vector(w.pos, p))
             x = rotate(back, arm)
-            v = rotate(back, _less(_less(v, _vector(w.vel, p)), cross(turning, arm)))
-            q = mul(back, q)
-            a = rotate(back, _less(a, turning))
-        _put4(rotations, j, q)
-        _put(angular, j, a)
-        if p < 0 or t.kinds[j] != FREE:
-            _put(positions, j, x)
-            _put(velocities, j, v)
+            v = rotate(back, _less(_less(v, _vector(w.vel, p)), cross(_vector(w.ang, p), arm)))
+        _put(positions, j, x)
+        _put(velocities, j, v)
 
 
 @_jit
@@ -221,7 +234,8 @@ def _plant(t, w, feet, sink, contacts, settings, positions, rotations):
     for a in range(3):
         positions[t.carrier, a] += shift[a]
     for n in range(len(t.needed)):
-        w.pos[t.needed[n], 1] -= down
+        if t.placed[t.needed[n]]:
+            w.pos[t.needed[n], 1] -= down
     for k in range(len(t.legs)):
         touch, place = _touch(t, w, k), _vector(w.places, k)
         if abs(place[0] - touch[0]) + abs(place[1] - touch[1]) + abs(place[2] - touch[2]) > 1e-5:

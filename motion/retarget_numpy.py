@@ -23,7 +23,7 @@ def step(t, w, feet, sinks, planting, contacts, settings, positions, rotations, 
             v = quat.rotate(back, v - vel[p] - np.cross(ang[p], arm))
             x, q, a = quat.rotate(back, arm), quat.mul(back, q), quat.rotate(back, a - ang[p])
         to_rotations[:, j], to_angular[:, j] = q, a
-        if p < 0 or t.kinds[j] != FREE:
+        if t.kinds[j] != FREE:
             to_positions[:, j], to_velocities[:, j] = x, v
     if planting:
         _plant(t, pos, rot, feet, sinks, contacts, settings, to_positions, to_rotations)

@@ -135,15 +135,22 @@ def tables(plan: retarget.Plan, contact_roles: Sequence[str]) -> Tables:
     needed = sorted({j for end in ends for j in target.chain(end)})
     hips = source.roles["hips"]
     source_needed = sorted({j for end in [*joints.tolist(), hips] for j in source.chain(end)})
+    placed = np.zeros(len(target), np.int64)
+    placed[[j for end in limbs.joints[:, 3].tolist() for j in target.chain(end)]] = 1
+    placed[target.chain(plan.carrier)] = 2
+    source_placed = np.zeros(len(source), np.int64)
+    source_placed[source.chain(hips)] = 1
     lengths = [np.linalg.norm(plan.target.bones[target.chain(end, upper)[1:]], axis=-1).sum()
                for upper, _, end, _ in limbs.joints.tolist()]  # fmt: skip
     return Tables(
         source_parents=np.array(source.parents, np.int32),
         source_needed=np.array(source_needed, np.int64),
+        source_placed=source_placed,
         hips=hips,
         source_root=plan.source_root,
         parents=np.array(target.parents, np.int32),
         needed=np.array(needed, np.int64),
+        placed=placed,
         starts=starts.astype(np.int32),
         joints=joints.astype(np.int32),
         weights=weights.astype(np.float64),

@@ -144,3 +144,17 @@ def test_help_is_fast_because_it_imports_little():
     code = f"import bench.cli, sys; print(sorted({slow} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_retarget_measures_a_large_rig(db):
+    rows = json.loads(
+        bench(
+            "retarget", db, "--joints", 60, "--counts", "1,4", "--index", "brute", "--seconds", 0.2, "--json"
+        ).stdout
+    )
+    assert [row["characters"] for row in rows] == [1, 4]
+    for row in rows:
+        assert row["joints"] == 60
+        assert row["us"] > 0 and row["twin_ratio"] == pytest.approx(row["twin_us"] / row["us"])
+        assert row["share"] == pytest.approx(row["us"] / (row["us"] + row["controller_us"]))
+    assert "a rig of 5 joints" in bench("retarget", db, "--joints", 5, code=2).stderr

@@ -75,8 +75,8 @@ def other_joints() -> Skeleton:
             (f"{side}_shin", f"{side}_thigh", (0.02 * s, -0.45, 0.01), f"{side}_leg"),
             (f"{side}_ankle", f"{side}_shin", (0, -0.4, -0.02), f"{side}_foot"),
             (f"{side}_ball", f"{side}_ankle", (0.01 * s, -0.08, 0.15), f"{side}_toe"),
-            (f"{side}_upper", "belly", (0.2 * s, 0.2, 0), f"{side}_arm"),
-            (f"{side}_elbow", f"{side}_upper", (0.3 * s, 0, 0), f"{side}_forearm"),
+            (f"{side}_upperarm", "belly", (0.2 * s, 0.2, 0), f"{side}_arm"),
+            (f"{side}_elbow", f"{side}_upperarm", (0.3 * s, 0, 0), f"{side}_forearm"),
             (f"{side}_wrist", f"{side}_elbow", (0.27 * s, 0, 0), f"{side}_hand"),
             (f"{side}_finger", f"{side}_wrist", (0.1 * s, 0, 0), ""),
         ]
