@@ -14,6 +14,7 @@ from .document import CHANNELS, SCALES
 MOST_JOINTS, MOST_DEPTH, MOST_END_SITES = 1_000, 1_000, 10_000
 _CANONICAL = {name.lower(): name for name in CHANNELS + SCALES}
 _WORD = re.compile(r"\s*([{}]|[^\s{}]+)")
+_RUNS = [re.compile(rf"\s*[^\s{{}}]++(?:\s++[^\s{{}}]++){{{n - 1}}}") for n in range(1, 10)]  # of n words
 _NAME = re.compile(r"[^{]*")
 _TOO_LARGE = "no body has such a skeleton"
 
@@ -48,8 +49,9 @@ class _Hierarchy:
 
     def read(self) -> list[Joint]:
         for line, content in enumerate(text.lines(self.header), 1):
-            self.line, self.content, self.at = line, content, 0
-            while word := self.word():
+            self.line, self.content, self.at = line, content.strip(), 0
+            while self.at < len(self.content):
+                word = self.word()
                 if word.startswith(("#", "//")):
                     break
                 self.statement(word)
@@ -77,6 +79,10 @@ class _Hierarchy:
 
     def words(self, count: int) -> list[str]:
         """The next words of the line, at most count, none of them a brace."""
+        run = _RUNS[count - 1].match(self.content, self.at) if count else None
+        if run is not None:
+            self.at = run.end()
+            return run[0].split()
         found: list[str] = []
         while len(found) < count:
             before, word = self.at, self.word()
