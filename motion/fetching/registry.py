@@ -227,6 +227,8 @@ def numbers(text: str, key: config.Key = ()) -> list[int]:
         if not first <= last < 10_000:
             raise ConfigError(key, f"{word!r} is no range", remedy="write ranges as in '1-3 7'")
         found.extend(range(first, last + 1))
+        if len(found) > 100_000:
+            raise ConfigError(key, "more than 100,000 numbers", remedy="name each once")
     if not found:
         raise ConfigError(key, "no number in it", remedy="write ranges as in '1-3 7'")
     return found
