@@ -22,6 +22,7 @@ _SOLE_TO_ANKLE = np.array([0.0, figure.ANKLE, 0.0])
 TO_ANKLE = (_SOLE_TO_ANKLE - figure.BALL, _SOLE_TO_ANKLE - figure.HEEL)  # from the ball; from the heel
 # Relative speed of a swing: the foot comes down still following the body, or the leg would have to reach.
 WALKED = ((0.0, 0.0), (0.16, 1.0), (0.45, 1.0), (0.9, 0.5), (1.0, 0.0))
+PUT = ((0.0, 0.0), (0.2, 1.0), (0.5, 1.0), (0.88, 0.2), (1.0, 0.0))
 RUN = ((0.0, 0.0), (0.2, 0.9), (0.55, 1.0), (0.92, 0.5), (1.0, 0.0))
 CLEARANCE = 0.13  # metres between the ankles when one foot passes the other
 
@@ -107,9 +108,12 @@ def track(stances: Stances, other: Stances, time: Array, running: Array, lift: f
     vector = TO_ANKLE[0] + pin[:, None] * (TO_ANKLE[1] - TO_ANKLE[0])
     start = old + _SOLE_TO_ANKLE - _turned(vector, yaw[i], 0.0)
     goal = new + _SOLE_TO_ANKLE - _turned(vector, yaw[j], 0.0)
-    share = travel(s, WALKED) * (1 - run[i]) + travel(s, RUN) * run[i]
+    # A sole that comes down flat is put down from above; a heel may come on.
+    level = np.clip(1 - rolls.next_strike / np.radians(12), 0, 1) * (1 - run)
+    walked = travel(s, WALKED) * (1 - level[i]) + travel(s, PUT) * level[i]
+    share = walked * (1 - run[i]) + travel(s, RUN) * run[i]
     swung = share[:, None] * (goal - start) + _aside(place, other, rolls)[i] * _bell(s)[:, None]
-    swung[:, 1] += lift * _height(s, np.hypot(*(new - old)[:, [0, 2]].T), run[i])
+    swung[:, 1] += lift * _height(s, np.hypot(*(new - old)[:, [0, 2]].T), run[i], level[i])
     ankle = start + np.where(standing[:, None], 0.0, swung) + _turned(vector, heading, pitch)
     on_heel, off_heel = rolls.strike[i] >= 0, rolls.leave[i] > 0
     return Foot(
@@ -180,11 +184,12 @@ def _bell(s: Array) -> Array:
     return 64 * (x * (1 - x)) ** 3
 
 
-def _height(s: Array, length: Array, run: Array) -> Array:
-    """Height of the pin in a swing, metres; length is that of the step from place to place."""
+def _height(s: Array, length: Array, run: Array, level: Array) -> Array:
+    """Height of the pin in a swing, metres; length is the step's, level 1 where the sole comes down flat."""
     x = np.clip(s, 0, 1)
     walk = 0.064 + 0.022 * np.clip(length / 1.3, 0, 1)
-    walk = walk * ease(x / 0.3) * (1 - ease((x - 0.33) / 0.67))
+    sinks = 0.33 + 0.17 * level
+    walk = walk * ease(x / 0.3) * (1 - ease((x - sinks) / (1 - sinks)))
     running = 0.11 + 0.13 * np.clip((length - 1.2) / 2.0, 0, 1)
     running = running * ease(x / 0.28) * (1 - ease((x - 0.25) / 0.75))
     return (1 - run) * walk + run * running
