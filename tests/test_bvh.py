@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from motion import bvh, euler, kinematics, quat
 from motion.clip import Clip
 from motion.errors import UserError
-from motion.skeleton import Skeleton
+from motion.skeleton import Skeleton, distinct
 
 ARM = """HIERARCHY
 ROOT Hips
@@ -457,7 +457,7 @@ def test_any_damage_is_a_user_error_or_reads(save):
 
 
 def test_many_joints_of_one_name_get_numbers_and_too_many_joints_are_refused(tmp_path):
-    assert bvh.skeleton.distinct(("a", "a 2", "a", "b", "a", "b")) == ("a", "a 2", "a 3", "b", "a 4", "b 2")
+    assert distinct(("a", "a 2", "a", "b", "a", "b")) == ("a", "a 2", "a 3", "b", "a 4", "b 2")
     joint = "JOINT j { OFFSET 0 0 0 CHANNELS 0 }\n"
     text = "HIERARCHY\nROOT r { OFFSET 0 0 0 CHANNELS 3 Xposition Yposition Zposition\n" + 1500 * joint
     (tmp_path / "many.bvh").write_text(text + "}\nMOTION\nFrames: 1\nFrame Time: 0.1\n0 0 0\n")
