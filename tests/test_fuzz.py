@@ -13,7 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from fuzz import documents, grammar, targets
+from fuzz import documents, engine, grammar, targets
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -102,6 +102,21 @@ TOML = {
 def test_toml_by_grammar(tmp_path: Path, name: str, data: st.DataObject) -> None:
     text = data.draw(grammar.toml(*TOML[name]))
     targets.run(targets.get(name), text.encode(), tmp_path)
+
+
+def test_failing_inputs_are_made_smaller_and_lines_counted(tmp_path: Path) -> None:
+    data = bytes(range(200)) * 3
+    assert engine.minimised(data, lambda d: d.count(7) >= 2 and 150 in d) in (
+        b"\x07\x96\x07",
+        b"\x07\x07\x96",
+    )
+    for part in ("corpus", "scratch"):
+        (tmp_path / part).mkdir()
+    before = engine.lines_reached("tags", tmp_path)
+    (tmp_path / "corpus" / "one").write_bytes(documents.TAGS)
+    after = engine.lines_reached("tags", tmp_path)
+    assert list(after) == ["mm/tags.py"] and before["mm/tags.py"][0] == 0
+    assert 10 < after["mm/tags.py"][0] < after["mm/tags.py"][1]
 
 
 # What fuzzing found, and what must cost no memory
