@@ -34,16 +34,21 @@ def check(clip: Clip) -> list[Finding]:
     """
     if len(clip) == 0:
         return []
-    bad = values.unusable(clip)
-    lost = values.findings(clip)
+    unusable = values.unusable(clip)
+    lost = values.findings(clip, unusable)
+    bad = unusable.any(axis=1)
     if bad.all():
         return lost
     if bad.any():
         clip = values.filled(clip, bad)
-    found = _of_frames(Body(clip), lost)
+    body = Body(clip)
+    found = _of_frames(body, lost)
     start, stop = _calm(len(clip), found)
-    calm = clip.replace(positions=clip.positions[start:stop], rotations=clip.rotations[start:stop])
-    verdict = rate.judge(Body(calm)) if len(calm) > 1 else None
+    if stop - start < len(clip):
+        calm = clip.replace(positions=clip.positions[start:stop], rotations=clip.rotations[start:stop])
+        verdict = rate.judge(Body(calm)) if len(calm) > 1 else None
+    else:
+        verdict = rate.judge(body) if len(clip) > 1 else None
     if verdict is not None:
         found = _of_frames(Body(clip.replace(fps=verdict.likely)), lost)
         found.append(Finding("rate", 0, len(clip), verdict.what, fatal=True))

@@ -27,11 +27,12 @@ def findings(body: Body) -> list[Finding]:
     if last and first < frames - last:
         what = f"{_frames(frames - last, frames)}: a rest pose, or the blend into it, after the capture"
         found.append(Finding("rest pose", frames - last, frames, what, fatal=True))
-    fastest = np.linalg.norm(body.rotation_steps[:, 1:], axis=-1).max(axis=1, initial=0) * body.fps
     zero, tee = _unturned(body), _tee(body)
-    for start, stop in spans(zero | tee):
-        if start < first or stop > frames - last:
-            continue
+    posed = [(start, stop) for start, stop in spans(zero | tee) if first <= start and stop <= frames - last]
+    if not posed:
+        return found
+    fastest = np.linalg.norm(body.rotation_steps[:, 1:], axis=-1).max(axis=1, initial=0) * body.fps
+    for start, stop in posed:
         into = start == 0 or fastest[start - 1] > leadin.JUMP
         out = stop == frames or fastest[stop - 1] > leadin.JUMP
         inserted = into and out and (start > 0 or stop < frames)
@@ -70,7 +71,7 @@ def _tee(body: Body) -> NDArray[np.bool_]:
         )
         for upper, lower, direction in limbs:
             joints = body.joints((f"{side}_{upper}", f"{side}_{lower}"))
-            if not joints:
+            if not joints or not flags.any():
                 return np.zeros(len(body), bool)
             bone = body.world[:, joints[1]] - body.world[:, joints[0]]
             flags &= (bone * direction).sum(axis=-1) > np.cos(LEVEL) * np.linalg.norm(bone, axis=-1)

@@ -12,14 +12,17 @@ from .finding import Finding, some, spans
 LARGEST = 1e5  # metres from the origin; beyond it a float32 database tells no millimetres apart
 
 
-def unusable(clip: Clip) -> NDArray:
-    """Frames [T] with a value that is not finite, a position beyond `LARGEST` or a rotation of length 0."""
-    return np.any(_joints(clip), axis=1)
+def unusable(clip: Clip) -> NDArray[np.bool_]:
+    """Where [T, J] a value is not finite, a position beyond `LARGEST` or a rotation of no unit length."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        far = np.abs(clip.positions) < LARGEST
+        size = np.einsum("tjq,tjq->tj", clip.rotations, clip.rotations)
+        good = far[..., 0] & far[..., 1] & far[..., 2] & (np.abs(size - 1) < 0.1)
+    return np.asarray(~good)
 
 
-def findings(clip: Clip) -> list[Finding]:
-    """Frames that are not finite."""
-    bad = _joints(clip)
+def findings(clip: Clip, bad: NDArray[np.bool_]) -> list[Finding]:
+    """Frames that are not finite, by where [T, J] they are `unusable`."""
     found = []
     for start, stop in spans(np.any(bad, axis=1)):
         names = [clip.skeleton.names[j] for j in np.flatnonzero(bad[start:stop].any(axis=0))]
@@ -39,10 +42,3 @@ def filled(clip: Clip, bad: NDArray) -> Clip:
         positions=(1 - share) * clip.positions[start] + share * clip.positions[stop],
         rotations=quat.normalize((1 - share) * first + share * last),
     )
-
-
-def _joints(clip: Clip) -> NDArray:
-    with np.errstate(invalid="ignore", over="ignore"):
-        positions = np.abs(clip.positions).max(axis=-1) < LARGEST
-        rotations = np.abs((clip.rotations**2).sum(axis=-1) - 1) < 0.1
-    return np.asarray(~(positions & rotations))
