@@ -36,7 +36,7 @@ def check(clip: Clip) -> list[Finding]:
         return []
     unusable = values.unusable(clip)
     lost = values.findings(clip, unusable)
-    bad = unusable.any(axis=1)
+    bad = np.any(unusable, axis=1)
     if bad.all():
         return lost
     if bad.any():

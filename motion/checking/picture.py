@@ -32,7 +32,7 @@ def figure(clip: Clip, findings: Sequence[Finding]) -> Any:
     """A matplotlib figure: of each finding poses from the side, the hips' speed and the fastest joint's."""
     from matplotlib.figure import Figure
 
-    bad = values.unusable(clip).any(axis=1)
+    bad = np.any(values.unusable(clip), axis=1)
     body = Body(values.filled(clip, bad)) if bad.any() and not bad.all() else Body(clip)
     shown = findings[:MOST]
     picture = Figure(figsize=(13, 3.2 * max(len(shown), 1)), layout="constrained")
