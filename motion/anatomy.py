@@ -322,10 +322,15 @@ class _Finder:
             self._set(root, up, ahead)
 
     def _bone(self, joint: int, below: int) -> Array:
-        """Direction of the first bone with a length on the way from a joint down to another one."""
-        for j in self.skeleton.chain(below, joint)[1:]:
-            if np.linalg.norm(self.bones[j]) > _SHORT:
-                return _unit(self.bones[j])
+        """Direction from a joint to another one below it, over joints without roles between (twists)."""
+        if self.skeleton.parents[below] == joint:
+            bone = self.bones[below]
+            if np.linalg.norm(bone) > _SHORT:
+                return _unit(bone)
+        else:
+            bones = self.world_pos[:, below] - self.world_pos[:, joint]
+            if np.linalg.norm(bones, axis=-1).min() > _SHORT:
+                return self._seen(joint, bones)
         raise UserError(
             f"the bone from {self.skeleton.names[joint]!r} to {self.skeleton.names[below]!r} has no length"
         )

@@ -66,7 +66,7 @@ def plant(
         return
     world_pos, world_rot = kinematics.forward(skeleton, positions, rotations)
     free = contacts.place_points(world_pos, world_rot, limbs.joints[:, 3].tolist(), limbs.points)
-    legs = _lengths(positions, limbs)
+    legs = _lengths(world_pos, limbs)
     place = np.stack(
         [
             _held(free[:, c], resting[:, c], heights[:, c], floor[c], CLIMB * legs[c], fps)
@@ -128,10 +128,10 @@ def _fade(offset: Array, slope: Array, share: Array) -> Array:
     return (2 * s**3 - 3 * s**2 + 1) * offset + (s**3 - 2 * s**2 + s) * slope
 
 
-def _lengths(positions: Array, limbs: Limbs) -> Array:
+def _lengths(world_pos: Array, limbs: Limbs) -> Array:
     """Full length of each limb [C], metres."""
-    bones = np.linalg.norm(np.median(positions[:, limbs.joints[:, 1:3]], axis=0), axis=-1)
-    return bones.sum(axis=-1)
+    bones = np.diff(world_pos[:, limbs.joints[:, :3]], axis=2)
+    return np.linalg.norm(bones, axis=-1).sum(axis=-1).max(axis=0)
 
 
 def _sink(

@@ -130,6 +130,8 @@ def retarget(
 
     Errors: UserError where hips or legs have no role on one of them, or a biped is to move as a quadruped.
     """
+    if len(clip) == 0:
+        raise UserError(f"{clip.name} has no frames", path=clip.source)
     source = anatomy(clip.skeleton, [clip]) if source is None else source
     if isinstance(target, Skeleton):
         target = anatomy_like(target, source)
@@ -274,6 +276,9 @@ def limbs(body: Anatomy, roles: Sequence[str]) -> planting.Limbs:
         side, _, part = role.partition("_")
         names = ("arm", "forearm", "hand") if part == "hand" else ("up_leg", "leg", "foot")
         upper, middle, end = (skeleton.role(f"{side}_{name}") for name in names)
+        for above, joint in ((upper, middle), (middle, end)):
+            if not body.bones[skeleton.chain(joint, above)[1:]].any():
+                raise UserError(f"the bone to joint {skeleton.names[joint]!r} has no length")
         if part == "hand":
             touches, touch_points = contacts.touching_points(skeleton, [role])
             joint, point = touches[0], touch_points[0]

@@ -72,7 +72,7 @@ def other_joints() -> Skeleton:
         rows += [
             (f"{side}_thigh", "pelvis", (0.1 * s, -0.02, 0), f"{side}_up_leg"),
             (f"{side}_thigh_twist", f"{side}_thigh", (0, -0.2, 0), ""),
-            (f"{side}_shin", f"{side}_thigh", (0.02 * s, -0.45, 0.01), f"{side}_leg"),
+            (f"{side}_shin", f"{side}_thigh_twist", (0.02 * s, -0.25, 0.01), f"{side}_leg"),
             (f"{side}_ankle", f"{side}_shin", (0, -0.4, -0.02), f"{side}_foot"),
             (f"{side}_ball", f"{side}_ankle", (0.01 * s, -0.08, 0.15), f"{side}_toe"),
             (f"{side}_upperarm", "belly", (0.2 * s, 0.2, 0), f"{side}_arm"),
@@ -236,6 +236,22 @@ def test_what_has_no_plan_in_common_is_refused(walker):
     names = tuple(f"j{j}" for j in range(len(other.skeleton)))
     with pytest.raises(UserError, match="no standing pose; give a clip of it"):
         retarget(walker, replace(other.skeleton, names=names))
+
+
+def test_clips_of_few_frames_go_too(walker):
+    for length in (1, 2, 3):
+        short = walker.replace(positions=walker.positions[:length], rotations=walker.rotations[:length])
+        moved = retarget(short, stocky())
+        assert len(moved) == length and np.isfinite(moved.rotations).all()
+    with pytest.raises(UserError, match="has no frames"):
+        retarget(walker.replace(positions=walker.positions[:0], rotations=walker.rotations[:0]), stocky())
+
+
+def test_a_leg_without_length_is_refused(walker):
+    offsets = stocky().offsets.copy()
+    offsets[stocky().roles["left_leg"]] = 0
+    with pytest.raises(UserError, match="the bone to joint 'LeftLeg' has no length"):
+        retarget(walker, replace(stocky(), offsets=offsets))
 
 
 def test_a_dog_does_not_move_as_a_person(data, walker):
