@@ -7,6 +7,9 @@
 
 DANCE := out/dancecard
 DATA ?= $(DANCE)
+ifeq ($(DATA),$(DANCE))
+TAGS ?= $(DANCE)/tags.csv
+endif
 # Clips of CMU by their usual folder.
 ifneq ($(filter %cmu/asfamc,$(patsubst %/,%,$(DATA))),)
 # Jumps, dives, duck-unders and leaps over a box: no locomotion that a stick asks for.
@@ -34,7 +37,7 @@ ifeq ($(DATA),$(DANCE))
 endif
 	@test -e "$(DATA)" || { \
 	  echo "error: no clips at $(DATA); say where yours are: make demo DATA=FOLDER (BVH or ASF/AMC)" >&2; exit 2; }
-	$(BIN)/python -m bench compare "$(DATA)" $(foreach pattern,$(EXCLUDE),--exclude '$(pattern)') -o "$(OUT)"
+	$(BIN)/python -m bench compare "$(DATA)" $(if $(TAGS),--tags "$(TAGS)") $(foreach pattern,$(EXCLUDE),--exclude '$(pattern)') -o "$(OUT)"
 
 test: $(DEV)
 	$(BIN)/python -m pytest $(PYTEST_FLAGS)

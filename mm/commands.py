@@ -117,4 +117,5 @@ def _command(velocity: NDArray, yaw: NDArray, turn_rate: NDArray) -> Command:
         np.array(turn_rate, np.float32),
         np.zeros(len(velocity), np.uint32),
         np.zeros(len(velocity), np.uint32),
+        np.zeros(len(velocity), np.bool_),
     )

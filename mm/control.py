@@ -22,6 +22,8 @@ class Command:
     yaw : float32 [N], desired facing, radians; 0 faces +Z, pi/2 faces +X.
     turn_rate : float32 [N], rad/s at which the two above are expected to turn (the camera's rate).
     required_tags, forbidden_tags : uint32 [N], tag bits that a matched frame must, must not bear.
+    crouch : bool [N], whether to go crouched; for motion matching, to play frames of the tag "crouch" and
+        else none of them, where its database has that tag.
     """
 
     velocity: NDArray[np.float32]
@@ -29,6 +31,7 @@ class Command:
     turn_rate: NDArray[np.float32]
     required_tags: NDArray[np.uint32]
     forbidden_tags: NDArray[np.uint32]
+    crouch: NDArray[np.bool_]
 
     def __len__(self) -> int:
         return len(self.velocity)
@@ -42,6 +45,7 @@ class Command:
             np.zeros(count, np.float32),
             np.zeros(count, np.uint32),
             np.zeros(count, np.uint32),
+            np.zeros(count, np.bool_),
         )
 
 

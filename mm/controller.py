@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -105,6 +106,9 @@ class Controller:
         self._legs = find_legs(database, foot_height=settings.foot_height) if settings.foot_lock else None
         self._parents, self._tags = stages.plain(database.skeleton.parents), stages.plain(database.tags)
 
+        self._crouch_tag = _dividing_tag(database, "crouch")
+        self._required, self._forbidden = np.zeros((2, count), np.uint32)
+
         joints, feet = len(self.skeleton), len(database.contact_roles)
         self.characters = np.zeros(count, state_types.CHARACTER)
         self._feet = np.zeros((count, feet), foot_lock.FOOT)
@@ -183,6 +187,7 @@ class Controller:
             )
         characters, settings, shown = self.characters, self._settings, self._shown
         self._lap_start = time.perf_counter()
+        command = self._with_crouch(command)
         ended = self.state.ended()
         wrong = self._kernels.control(
             characters, command.velocity, command.yaw, command.turn_rate, command.required_tags,
@@ -219,6 +224,16 @@ class Controller:
             )  # fmt: skip
         self._lap("foot lock")
         return self._pose
+
+    def _with_crouch(self, command: Command) -> Command:
+        """The command with its crouching as tags that are required, or forbidden to who goes upright."""
+        if not self._crouch_tag:
+            return command
+        tag, required, forbidden = self._crouch_tag, command.required_tags, command.forbidden_tags
+        # Who is asked for the tag itself, or to do without, is to have his way.
+        np.bitwise_or(required, np.where(command.crouch, tag, 0) & ~forbidden, out=self._required)
+        np.bitwise_or(forbidden, np.where(command.crouch, 0, tag) & ~required, out=self._forbidden)
+        return replace(command, required_tags=self._required, forbidden_tags=self._forbidden)
 
     def _search(self, command: Command, ended: NDArray[np.bool_]) -> None:
         """Where a search is due, look for a better place in the data and jump there."""
@@ -399,3 +414,12 @@ def box(x: float, z: float, width: float, depth: float) -> Sequence[float]:
 def circle(x: float, z: float, radius: float) -> Sequence[float]:
     """An obstacle: a circle on the ground."""
     return x, z, 0.0, 0.0, radius
+
+
+def _dividing_tag(database: Database, name: str) -> np.uint32:
+    """The bit of a tag that some frames bear and others do not; 0 where there is no such tag."""
+    if name not in database.tag_names:
+        return np.uint32(0)
+    tag = np.uint32(database.tag_mask([name]))
+    bear = (database.tags & tag) != 0
+    return tag if bear.any() and not bear.all() else np.uint32(0)

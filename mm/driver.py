@@ -128,6 +128,7 @@ class _Way:
         self._speeds = table([w.speed for w in targets])
         self._facings = table([w.facing or (0.0, 0.0) for w in targets])
         self._radii = table([w.reach for w in targets])
+        self._crouches = table([w.gait == "crouch" for w in targets]) > 0
         self._shares = table(list(_corner_shares(course, line)))
         # Where the aim may go to at most: a corner; smooth ways have none but an open one's end.
         self._barriers = self._marks
@@ -173,7 +174,9 @@ class _Way:
             push = np.where(arrived, 0.0, np.clip(reach / 2 - distance, 0, None))
             self._progress = np.minimum(progress + push, self._marks[leg])
         velocity = way * (speed / np.maximum(distance, 1e-6))[:, None]
-        return from_velocity(velocity, self._facings[leg], last_yaw=last, turn_rate=rate), bool(arrived.all())
+        command = from_velocity(velocity, self._facings[leg], last_yaw=last, turn_rate=rate)
+        command.crouch[:] = self._crouches[leg]
+        return command, bool(arrived.all())
 
     def _advance(self, positions: NDArray) -> NDArray[np.bool_]:
         """Move progress and legs on to where the characters are; which have arrived, bool [N]."""
@@ -224,6 +227,7 @@ class _Script:
         else:
             self._values = np.array([k.velocity for k in course.velocity])
             self._facings = np.array([k.facing or (0.0, 0.0) for k in course.velocity])
+            self._crouches = np.array([k.gait == "crouch" for k in course.velocity])
 
     def reset(self) -> tuple[Float, Float]:
         return np.zeros((self._count, 2)), np.zeros(self._count)
@@ -242,7 +246,9 @@ class _Script:
             span = np.maximum(self._times[after] - self._times[key], 1e-9)
             values = values + (self._values[after] - values) * np.clip(since / span, 0, 1)[:, None]
         if not self._sticks:
-            return from_velocity(values, self._facings[key], last_yaw=last), False
+            command = from_velocity(values, self._facings[key], last_yaw=last)
+            command.crouch[:] = self._crouches[key]
+            return command, False
         gait = self._runs[key] + (self._gaits[key] - self._runs[key]) * 0.5 ** (since / GAIT_HALFLIFE)
         command = from_stick(
             values,

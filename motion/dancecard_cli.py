@@ -32,16 +32,19 @@ def dancecard(output: str, minutes: float, seed: int, no_labels: bool, as_json: 
     One round of ten minutes covers standing, walking (0.5 to 2 m/s), jogging (2.5 to 4.5 m/s), crouching,
     steps to eight sides, curves, turns on the spot, pivots, starts, stops and changes of gait; every further
     round is another dancer's. Beside NAME.bvh, NAME.labels.csv has exact foot contacts, phase and gait of
-    every frame.
+    every frame, and tags.csv the crouched frames for --tags of the commands that build a database: so tagged,
+    motion matching crouches where it is asked to, and nowhere else.
     """
-    from . import bvh
-    from .dancecard import FPS, dances
+    from . import bvh, files
+    from .dancecard import FPS, GAITS, dances
     from .dancecard import labels as label_files
 
     folder = Path(output)
     if folder.exists() and not folder.is_dir():
         raise UserError("not a folder", path=folder, remedy="name a folder to write to")
+    files.check_output(folder / "tags.csv")
     rows: list[dict[str, Any]] = []
+    tags: list[str] = []
     spent = 0.0
     for passage, seconds in console.progress(
         _timed(dances(60 * minutes, seed=seed)), label="dancing", unit="clips"
@@ -51,9 +54,14 @@ def dancecard(output: str, minutes: float, seed: int, no_labels: bool, as_json: 
         bvh.write(target, passage.clip, unit_to_m=0.01)
         if not no_labels:
             label_files.write(target.with_suffix(".labels.csv"), passage.labels)
+            crouched = passage.labels.gait == GAITS.index("crouch")
+            tags += [f"crouch,{passage.name},{a},{b}" for a, b in label_files.spans(crouched)]
         rows.append(
             {"file": os.fspath(target), "frames": len(passage.clip), "seconds": len(passage.clip) / FPS}
         )
+    if tags:
+        with files.atomic(folder / "tags.csv") as stream:
+            stream.write("\n".join(["tag,clips,start,stop", *tags, ""]).encode())
     if as_json:
         console.print_json(rows)
     else:

@@ -250,6 +250,28 @@ def test_tags_limit_the_search(database):
         database.tag_mask(["dance"])
 
 
+def test_who_is_to_crouch_plays_frames_of_that_tag_and_others_none(database):
+    low = np.array(database.names)[database.ranges()] == "left_turn"
+    tags = low.astype(np.uint32)
+    tagged = type(database)(**(vars(database) | {"tags": tags, "tag_names": ("crouch",)}))
+
+    def commands(frame: int, count: int) -> Command:
+        command = user(frame, count)
+        command.crouch[:] = [frame >= 60, False]
+        return command
+
+    records = drive(Controller(tagged, count=2), 120, commands)
+    crouched = low[stack(records, "frame")]
+    assert not crouched[2:60].any() and crouched[62:, 0].all() and not crouched[:, 1].any()
+
+    def forbidding(frame: int, count: int) -> Command:
+        command = commands(frame, count)
+        command.forbidden_tags[:] = 1
+        return command
+
+    assert not low[stack(drive(Controller(tagged, count=2), 90, forbidding), "frame")][2:].any()
+
+
 def test_a_continuing_bias_jumps_less_often(database):
     plain, biased = (
         stack(drive(Controller(database, settings=Settings(continuing_bias=b)), 300), "transition").sum()

@@ -399,6 +399,19 @@ class TestCommand:
                 [float(line["phase"]) for line in lines], passage.labels.phase, atol=1e-5
             )
 
+    def test_tags_the_crouched_frames(self, tmp_path: Path) -> None:
+        CliRunner().invoke(main, ["dancecard", "-o", str(tmp_path), "--minutes", "10"])
+        with (tmp_path / "tags.csv").open() as stream:
+            rows = list(csv.DictReader(stream))
+        assert {row["tag"] for row in rows} == {"crouch"} and {"crouched"} <= {row["clips"] for row in rows}
+        clip = sources.load(tmp_path / "crouched.bvh")
+        tagged = np.zeros(len(clip), bool)
+        for row in rows:
+            if row["clips"] == "crouched":
+                tagged[int(row["start"]) : int(row["stop"])] = True
+        hips = clip.positions[:, 0, 1]
+        assert hips[tagged].mean() < 0.8 < hips[~tagged].mean()
+
     def test_the_folder_is_a_source_of_clips_only(self, tmp_path: Path) -> None:
         CliRunner().invoke(main, ["dancecard", "-o", str(tmp_path), "--minutes", "0.1"])
         assert [path.name for path in sources.find([tmp_path])] == ["walk-straight.bvh"]

@@ -188,6 +188,20 @@ def test_a_spread_script_is_shifted_in_time():
         np.testing.assert_allclose(command.velocity[:, 1], speeds)
 
 
+def test_a_crouch_is_asked_for_on_the_way_to_a_crouched_waypoint_and_by_crouched_keys():
+    legs = [Waypoint(position=(0, 4 * i), speed=1.0, gait="crouch" if i == 1 else "walk") for i in range(3)]
+    driver = Driver(Course(waypoints=tuple(legs)), 1, FPS)
+    x = driver.starts.astype(np.float64)
+    for frame in range(6 * 60):
+        command = driver.command(frame / FPS, x, driver.yaws)
+        assert command.crouch[0] == (x[0, 1] < 4) or abs(x[0, 1] - 4) <= legs[1].reach
+        x = x + command.velocity / FPS
+    assert x[0, 1] > 5
+    keys = (VelocityKey(time=0, velocity=(0, 1), gait="crouch"), VelocityKey(time=2, velocity=(0, 1)))
+    driver = Driver(Course(velocity=keys, seconds=4), 1, FPS)
+    assert [driver.command(t, driver.starts, driver.yaws).crouch[0] for t in (0.0, 1.0, 3.0)] == [1, 1, 0]
+
+
 def test_scripts_hold_or_ramp():
     keys = (VelocityKey(time=0, velocity=(0, 0)), VelocityKey(time=2, velocity=(0, 4), facing=(1, 0)))
     for interpolate, expected in (("hold", [0, 0, 4, 4]), ("linear", [0, 2, 4, 4])):

@@ -27,7 +27,7 @@ class Labels:
     contacts : uint8 [T, 4], whether each of `CONTACTS` rests on the ground (a toe means the toe joint).
     phase : float64 [T], radians in 0 to 2 pi: 0 where the left foot strikes, pi where the right one does.
         It rests while both feet stand longer than between two steps.
-    gait : uint8 [T], index into `GAITS`.
+    gait : uint8 [T], index into `GAITS`; who stands crouched crouches.
     """
 
     contacts: NDArray[np.uint8]
@@ -44,7 +44,7 @@ class Labels:
 def label(path: Path, stances: tuple[Stances, Stances], feet: tuple[Foot, Foot], stand: Array) -> Labels:
     """Labels of what was planned; stand [T] is the share of standing."""
     contacts = np.stack([part for foot in feet for part in (foot.heel, foot.toe)], axis=-1)
-    gait = np.select([stand > 0.5, path.running > 0.5, path.crouching > 0.5], [0, 2, 3], 1)
+    gait = np.select([path.crouching > 0.5, stand > 0.5, path.running > 0.5], [3, 0, 2], 1)
     return Labels(contacts.astype(np.uint8), phase(path.time, stances), gait.astype(np.uint8))
 
 
@@ -69,6 +69,12 @@ def phase(time: Array, stances: tuple[Stances, Stances]) -> Array:
         values += [values[-1], values[-1] + step]
         before = foot
     return np.mod(np.interp(time, knots, values), 2 * np.pi)
+
+
+def spans(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Runs of true flags [T]: first frame and one past the last of each."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
 
 def write(path: str | os.PathLike[str], labels: Labels) -> None:
