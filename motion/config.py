@@ -8,6 +8,7 @@ default are required.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 import os
 import re
@@ -120,16 +121,21 @@ def read_toml(path: str | os.PathLike[str]) -> tuple[dict[str, Any], str]:
 
 def validate(obj: Any) -> None:
     """Check and coerce every field of a dataclass made in code; call it in ``__post_init__``."""
-    hints = typing.get_type_hints(type(obj))
+    hints = _hints(type(obj))
     for field in dataclasses.fields(obj):
         value = _convert(hints[field.name], getattr(obj, field.name), (field.name,))
         object.__setattr__(obj, field.name, value)
 
 
+@functools.cache
+def _hints(cls: type) -> dict[str, Any]:
+    return typing.get_type_hints(cls)
+
+
 def _build(cls: type[T], data: Any) -> T:
     if not isinstance(data, Mapping):
         raise ConfigError((), f"expected a table, found {_describe(data)}")
-    hints = typing.get_type_hints(cls)
+    hints = _hints(cls)
     fields = {field.name: field for field in dataclasses.fields(cls) if field.init}  # type: ignore[arg-type]
     for key in data:
         if key not in fields:
