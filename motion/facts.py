@@ -75,7 +75,7 @@ class Facts:
             raise config.ConfigError("unit", f"{self.unit:g} metres", remedy="give a positive number")
         if min(self.start or 0, self.stop or 0) < 0 or (self.start or 0) >= (self.stop or math.inf):
             key = "start" if self.stop is None else "stop"
-            raise config.ConfigError(key, f"frames {self.start or 0} to {self.stop} are none")
+            raise config.ConfigError(key, f"frames {self.start or 0} to {self.stop or 'the end'} are none")
         try:
             options.system(*self.axes)
         except UserError as error:
