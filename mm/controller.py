@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -229,11 +228,12 @@ class Controller:
         """The command with its crouching as tags that are required, or forbidden to who goes upright."""
         if not self._crouch_tag:
             return command
-        tag, required, forbidden = self._crouch_tag, command.required_tags, command.forbidden_tags
-        # Who is asked for the tag itself, or to do without, is to have his way.
-        np.bitwise_or(required, np.where(command.crouch, tag, 0) & ~forbidden, out=self._required)
-        np.bitwise_or(forbidden, np.where(command.crouch, 0, tag) & ~required, out=self._forbidden)
-        return replace(command, required_tags=self._required, forbidden_tags=self._forbidden)
+        self._kernels.divide(
+            command.crouch, self._crouch_tag, command.required_tags, command.forbidden_tags,
+            self._required, self._forbidden,
+        )  # fmt: skip
+        moves = command.velocity, command.yaw, command.turn_rate
+        return Command(*moves, self._required, self._forbidden, command.crouch)
 
     def _search(self, command: Command, ended: NDArray[np.bool_]) -> None:
         """Where a search is due, look for a better place in the data and jump there."""

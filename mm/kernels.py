@@ -114,6 +114,17 @@ def control(characters, velocity, yaw, turn_rate, required_tags, forbidden_tags,
 
 
 @_jit
+def divide(flags, tag, required, forbidden, to_require, to_forbid):
+    """Tags [N] to require and to forbid: tag by flags [N], unless it is asked for or forbidden already."""
+    for n in range(len(flags)):
+        to_require[n], to_forbid[n] = required[n], forbidden[n]
+        if flags[n]:
+            to_require[n] |= tag & ~forbidden[n]
+        else:
+            to_forbid[n] |= tag & ~required[n]
+
+
+@_jit
 def build_queries(
     characters, who, features, trajectory, position_columns, direction_columns, offset, scale, queries
 ):

@@ -71,6 +71,11 @@ def control(characters, velocity, yaw, turn_rate, required_tags, forbidden_tags,
     return -1
 
 
+def divide(flags, tag, required, forbidden, to_require, to_forbid):
+    to_require[:] = required | np.where(flags, tag & ~forbidden, 0)
+    to_forbid[:] = forbidden | np.where(flags, 0, tag & ~required)
+
+
 def build_queries(
     characters, who, features, trajectory, position_columns, direction_columns, offset, scale, queries
 ):

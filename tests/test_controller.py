@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import synthetic
 
+from mm import kernels, kernels_numpy
 from mm.build import build
 from mm.control import Command
 from mm.controller import Controller, box, circle
@@ -87,6 +88,19 @@ def test_compiled_kernels_equal_their_numpy_twin(uneven, synchronization):
         np.testing.assert_allclose(stack(runs[0], name), stack(runs[1], name), atol=1e-4, err_msg=name)
     assert stack(runs[0], "transition").sum() > 5
     assert stack(runs[0], "locked").any()
+
+
+def test_dividing_tags_are_those_of_the_twin():
+    rng = np.random.default_rng(0)
+    flags, tag = rng.random(64) < 0.5, np.uint32(4)
+    required, forbidden = rng.integers(0, 8, (2, 64)).astype(np.uint32)
+    found = np.zeros((2, 2, 64), np.uint32)
+    kernels.divide(flags, tag, required, forbidden, *found[0])
+    kernels_numpy.divide(flags, tag, required, forbidden, *found[1])
+    np.testing.assert_array_equal(found[0], found[1])
+    want, avoid = found[0] & tag, required & tag
+    np.testing.assert_array_equal(want[0] > 0, (flags & (forbidden & tag == 0)) | (avoid > 0))
+    np.testing.assert_array_equal(found[0] & ~tag, [required & ~tag, forbidden & ~tag])
 
 
 def test_many_characters_do_what_one_does(database):
