@@ -211,7 +211,7 @@ class _Finder:
         for s in np.argsort(-self.flat.sum(axis=0), kind="stable"):
             self._leg(SIDES[s], self.flat[:, s])
         for side in SIDES:
-            self._arm(side)
+            self._arm(side, rest)
         self._root()
         rest = rest.copy()
         if self.moving:
@@ -298,14 +298,23 @@ class _Finder:
             matrix = quat.to_matrix(quat.mul(self.world_rot[:, foot], self.frames[foot]))
             self._set(toe, self._seen(toe, UP, flat), self._seen(toe, matrix[..., 1], flat))
 
-    def _arm(self, side: str) -> None:
+    def _arm(self, side: str, rest: Array) -> None:
         roles = self.skeleton.roles
         joints = [roles.get(f"{side}_{part}") for part in ARM]
         shoulder, arm, forearm, hand = joints
         if shoulder is not None and arm is not None:
             bone = self._bone(shoulder, arm)
             self._set(shoulder, bone, self._snapped(self._seen(shoulder, self.forward), bone))
-        if arm is None or forearm is None or hand is None:
+        if arm is None or forearm is None:
+            return
+        if hand is None:  # where the forearm ends is not known, but that it goes on as the arm does at rest
+            bone = self._bone(arm, forearm)
+            self._set(arm, bone, self._facing(arm, bone, self.forward))
+            frame = self.frames[arm]
+            for j in self.skeleton.chain(forearm, arm)[1:]:
+                frame = quat.mul(quat.inv(rest[j]), frame)
+            axes = quat.to_matrix(frame)
+            self._set(forearm, axes[:, 0], axes[:, 1])
             return
         ahead = self._bend([arm, forearm, hand], sign=1.0)
         for joint, below in ((arm, forearm), (forearm, hand)):
