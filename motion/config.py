@@ -16,7 +16,7 @@ import sys
 import tomllib
 import types
 import typing
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, Literal, TypeVar, Union
 
@@ -27,6 +27,7 @@ from .files import atomic, read_text
 
 T = TypeVar("T")
 Key = tuple[str | int, ...]
+_hints: Callable[[Any], dict[str, Any]] = functools.cache(typing.get_type_hints)
 
 
 class ConfigError(UserError):
@@ -125,11 +126,6 @@ def validate(obj: Any) -> None:
     for field in dataclasses.fields(obj):
         value = _convert(hints[field.name], getattr(obj, field.name), (field.name,))
         object.__setattr__(obj, field.name, value)
-
-
-@functools.cache
-def _hints(cls: type) -> dict[str, Any]:
-    return typing.get_type_hints(cls)
 
 
 def _build(cls: type[T], data: Any) -> T:
