@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 _SOLE_TO_ANKLE = np.array([0.0, figure.ANKLE, 0.0])
 TO_ANKLE = (_SOLE_TO_ANKLE - figure.BALL, _SOLE_TO_ANKLE - figure.HEEL)  # from the ball; from the heel
 # Relative speed of a swing: the foot comes down still following the body, or the leg would have to reach.
-WALKED = ((0.0, 0.0), (0.16, 1.0), (0.45, 1.0), (0.9, 0.5), (1.0, 0.0))
+WALKED = ((0.0, 0.0), (0.34, 1.0), (0.6, 1.0), (0.92, 0.55), (1.0, 0.0))
 PUT = ((0.0, 0.0), (0.2, 1.0), (0.5, 1.0), (0.88, 0.2), (1.0, 0.0))
 RUN = ((0.0, 0.0), (0.2, 0.9), (0.55, 1.0), (0.92, 0.5), (1.0, 0.0))
 CLEARANCE = 0.13  # metres between the ankles when one foot passes the other
@@ -78,7 +78,7 @@ class _Rolls:
     @property
     def leave_rate(self) -> Array:
         """Rate of the pitch when the foot leaves, rad/s: it has been growing since the sole began to rise."""
-        return 1.35 * self.leave / np.maximum(self.off - self.rise, 0.05)
+        return 1.9 * self.leave / np.maximum(self.off - self.rise, 0.05)
 
     @property
     def down_rate(self) -> Array:
@@ -133,9 +133,9 @@ def track(stances: Stances, other: Stances, time: Array, running: Array, lift: f
 def _pitch(rolls: _Rolls, time: Array) -> Array:
     """Pitch [T]: flat between the rolls over heel and ball, lowest soon after the toes have left."""
     zero = np.zeros_like(rolls.on)
-    first = rolls.off + (0.11 + 0.17 * rolls.run) * rolls.swing
+    first = rolls.off + (0.2 + 0.08 * rolls.run) * rolls.swing
     beyond = 0.42 * rolls.leave_rate * (first - rolls.off)
-    most = np.radians(9 + 15 * rolls.run)
+    most = np.radians(20 + 5 * rolls.run)
     low = rolls.leave + np.clip(beyond, -most, most)
     second = rolls.off + 0.85 * rolls.swing
     high = rolls.next_strike + np.where(rolls.next_strike > 0, np.radians(2.0), 0.0)
@@ -161,7 +161,7 @@ def _bend(rolls: _Rolls, time: Array) -> Array:
             rolls.on, rolls.flat, rolls.rise, rolls.off, rolls.off + (0.55 + 0.2 * rolls.run) * rolls.swing
         ),
         _woven(held, zero, zero, -0.92 * push, rest),
-        _woven(down, zero, zero, -0.45 * np.minimum(rolls.leave_rate, 0), zero),
+        _woven(down, zero, zero, (0.6 * rolls.run - 0.92) * np.minimum(rolls.leave_rate, 0), zero),
         time,
     )
 

@@ -16,6 +16,7 @@ LONGEST = figure.THIGH + figure.SHANK - 1e-6
 INSTEP = float(np.hypot(figure.ANKLE - figure.BALL[1], figure.BALL[2]))  # from the ankle to the ball
 LEVEL = float(np.arctan2(figure.ANKLE - figure.BALL[1], figure.BALL[2]))  # its slope when the sole is flat
 TOE_CLEAR = float(figure.BALL[1]) + 0.05  # height below which the toes of a swinging foot are not lowered
+TIP_CLEAR = 0.003 - float(figure.TOE[1])  # least height of the toes' tips above the floor
 DORSIFLEXION = np.radians(3)  # of a foot in the air, beyond which it gives way
 
 
@@ -35,12 +36,13 @@ def bend(position: Array, rotation: Array, foot: Foot, sign: float) -> dict[str,
     hinge, thigh = _knee(down, reach, quat.yaw(rotation), foot.yaw)
     shank = _unit(reach[:, None] * down - figure.THIGH * thigh)
     upper, lower = _frame(hinge, thigh), _frame(hinge, shank)
-    sole = quat.mul(quat.from_yaw(foot.yaw), turns.x(-_pitch(foot, shank, free)))
+    pitch = _pitch(foot, shank, free)
+    sole = quat.mul(quat.from_yaw(foot.yaw), turns.x(-pitch))
     return {
         "UpLeg": quat.mul(quat.inv(rotation), upper),
         "Leg": quat.mul(quat.inv(upper), lower),
         "Foot": quat.mul(quat.inv(lower), sole),
-        "ToeBase": turns.x(-foot.bend),
+        "ToeBase": turns.x(-_bend(foot, pitch)),
     }
 
 
@@ -64,6 +66,13 @@ def _pitch(foot: Foot, shank: Array, free: Array) -> Array:
     pitch = foot.pitch - free * np.where(raised > 0, raised - 0.1 * np.tanh(raised / 0.1), 0.0)
     lowest = LEVEL + np.arcsin(np.clip((TOE_CLEAR - foot.ankle[:, 1]) / INSTEP, -1, 1))
     return np.minimum(foot.pitch, _at_least(pitch, lowest))
+
+
+def _bend(foot: Foot, pitch: Array) -> Array:
+    """Extension of the toes [T]: no less than keeps their tips above the floor."""
+    ball = foot.ankle[:, 1] + INSTEP * np.sin(pitch - LEVEL)
+    least = np.arcsin(np.clip((TIP_CLEAR - ball) / figure.TOE[2], -1, 1)) - pitch
+    return _at_least(foot.bend, least, 0.04)
 
 
 def _ahead(yaw: Array) -> Array:

@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 
 TWIST, DROP = np.radians(6.5), np.radians(4.6)  # by the legs' swing; towards the side that swings
 KNEE, RUNNING_KNEE = np.radians(10), np.radians(16)  # flexion that a leg keeps at its longest
+SURGE = 0.13  # share of the speed by which a walk is faster and slower within a step
 SINK = 0.2  # metres of a crouch
 
 
@@ -34,7 +35,7 @@ def carry(path: Path, left: Foot, right: Foot, rhythm: Rhythm, style: Style) -> 
 def drop(path: Path, rhythm: Rhythm) -> Array:
     """How far the pelvis's left side is up [T], radians: the side of the leg that swings drops."""
     balance = 2 * smooth(rhythm.weight - 0.5, 0.085 * path.fps)
-    return DROP * balance * (1 - 0.25 * rhythm.run) * (1 - 0.3 * rhythm.stand)
+    return DROP * balance * (1 + 0.7 * rhythm.run) * (1 - 0.3 * rhythm.stand)
 
 
 def nodding(left: Foot, right: Foot, path: Path, rhythm: Rhythm) -> Array:
@@ -46,9 +47,9 @@ def nodding(left: Foot, right: Foot, path: Path, rhythm: Rhythm) -> Array:
 
 def _turned(path: Path, left: Foot, right: Foot, rhythm: Rhythm, style: Style) -> Array:
     """Rotation [T, 4] in the world; the hip of the leg that is ahead goes ahead."""
-    twist = -TWIST * style.twist * rhythm.swing * (1 - 0.2 * rhythm.run)
+    twist = -TWIST * style.twist * rhythm.swing * (1 + 0.5 * rhythm.run)
     tilt = np.radians(2.0 + 5.0 * rhythm.run + 16.0 * rhythm.crouch) + 0.35 * rhythm.lean_ahead
-    tilt = tilt + np.radians(1.8) * nodding(left, right, path, rhythm)
+    tilt = tilt + np.radians(1.8 + rhythm.run) * nodding(left, right, path, rhythm)
     yaw = path.heading + twist + 0.012 * rhythm.idle[:, 3] * rhythm.stand
     roll = turns.z(drop(path, rhythm) - 0.4 * rhythm.lean_left)
     return quat.mul(turns.y(yaw), quat.mul(roll, turns.x(tilt + 0.006 * rhythm.idle[:, 2])))
@@ -62,13 +63,20 @@ def _ground(path: Path, left: Foot, right: Foot, rhythm: Rhythm, style: Style) -
     across, along = dot(support, rhythm.side), dot(support, rhythm.forward)
     aside = np.clip(np.abs(path.left) / np.maximum(path.speed, 0.3), 0, 1)
     amplitude = 0.6 * gait.lateral_excursion(path.speed) * style.sway
-    amplitude = amplitude * (1 - 0.65 * rhythm.run) * (1 - 0.7 * aside) * (1 - stand)
+    amplitude = amplitude * (1 - 0.4 * rhythm.run) * (1 - 0.7 * aside) * (1 - stand)
     lateral = smooth(amplitude * (2 * rhythm.weight - 1), 0.085 * fps) + smooth(
         0.8 * stand * across, 0.12 * fps
     )
-    ahead = smooth(stand * (along + 0.04), 0.15 * fps)
+    ahead = smooth(stand * (along + 0.04), 0.15 * fps) + _surge(path, left, right, rhythm)
     flat = path.position + lateral[:, None] * rhythm.side + ahead[:, None] * rhythm.forward
     return flat + 0.004 * rhythm.idle[:, 0:2] * (0.4 + 0.6 * stand)[:, None]
+
+
+def _surge(path: Path, left: Foot, right: Foot, rhythm: Rhythm) -> Array:
+    """How far the body is ahead of an even walk [T], metres: it is faster in double support."""
+    rate = SURGE * path.ahead * (1 - 0.8 * rhythm.run) * nodding(left, right, path, rhythm)
+    way = np.cumsum(rate) / path.fps
+    return way - smooth(way, 0.35 * path.fps)
 
 
 def _height(
@@ -80,10 +88,10 @@ def _height(
         *(_reach(foot, sign, flat, rotation, run) for foot, sign in ((left, 1.0), (right, -1.0)))
     )
     base = smooth(ndimage.minimum_filter1d(most, round(0.62 * fps), mode="nearest"), 0.13 * fps)
-    rise = gait.vertical_excursion(path.speed) * style.bounce * (1 - run) * (1 - rhythm.stand)
+    rise = 0.85 * gait.vertical_excursion(path.speed) * style.bounce * (1 - run) * (1 - rhythm.stand)
     single = smooth(np.where(left.on & right.on, 0.0, 1.0), 0.09 * fps)
     level = base - SINK * rhythm.crouch + rise * single * (1 - 0.5 * rhythm.crouch)
-    level = level + run * style.bounce * _bounce(left, right, fps)
+    level = level + 1.15 * run * style.bounce * _bounce(left, right, fps)
     return level - _cover(level - most, 0.04 * fps)
 
 

@@ -28,7 +28,7 @@ MIDDLE = 0.45, 0.37  # share of a stance at which the body is above the foot, in
 AHEAD, TRAILING = 0.46, 0.56  # metres from under the body at which a foot can come down, and must leave
 PLACE, YAW = 0.09, math.radians(18)  # how far out of place a foot may stand
 LEAVES, TURNS = 0.045, math.radians(10)  # what a standing body does before the first foot leaves the ground
-ROLL = 0.03  # share of a stride between the ball's first motion and the last touch of the toes
+ROLL = 0.065  # share of a stride between the ball's first motion and the last touch of the toes
 
 
 @dataclass
@@ -78,7 +78,7 @@ def tempo(path: Path, style: Style) -> Tempo:
     spins = np.clip(np.abs(path.turning) / 0.5, 0, 1)
     step = np.maximum(step, gait.turning_frequency(path.turning) * np.clip(1.4 - speed, 0, 1) * spins)
     frequency = style.cadence * ((1 - run) * step + run * gait.running_frequency(speed))
-    walking = gait.walking_duty(speed) - ROLL + 0.03 * crouch - 0.03 * backward
+    walking = np.maximum(gait.walking_duty(speed) - ROLL, 0.545) + 0.03 * crouch - 0.02 * backward
     duty = (1 - run) * walking + run * gait.running_duty(speed)
     # Feet do not cross in side steps: so they stand apart by half of a stride's way to the side.
     width = style.width * (1 - 0.55 * run * np.clip((speed - 1) / 2, 0, 1)) + 0.05 * crouch + 0.08 * aside
@@ -262,7 +262,7 @@ def _leave_pitch(ahead: float, left: float, running: float, crouching: float) ->
     """
     if ahead < -0.25:
         return math.radians(8 - 4 * max(ahead, -1.5))
-    walk = -min(22 + 28 * max(ahead, 0.0), 64) + 8 * min(abs(left), 1)
+    walk = -min(17 + 23 * max(ahead, 0.0), 50) + 8 * min(abs(left), 1)
     degrees = (1 - running) * walk * (1 - 0.4 * crouching) + running * (-44 - 2.0 * ahead)
     return math.radians(min(degrees, -12.0))
 

@@ -38,8 +38,8 @@ def hold(
 def _chest(path: Path, left: Foot, right: Foot, rhythm: Rhythm, style: Style) -> tuple[Array, Array]:
     """Rotation of the chest in the world [T, 4], and its roll [T]."""
     idle, fps, run = rhythm.idle, path.fps, rhythm.run
-    counter = COUNTER * style.twist * smooth(rhythm.swing, 0.03 * fps) * (1 + 0.9 * run)
-    nod = np.radians(1.6) * nodding(left, right, path, rhythm)
+    counter = COUNTER * style.twist * smooth(rhythm.swing, 0.03 * fps) * (1 + 2.2 * run)
+    nod = np.radians(1.6 + 1.2 * run) * nodding(left, right, path, rhythm)
     pitch = np.radians(8.0 + style.lean + 8.0 * run + 22.0 * rhythm.crouch) + 0.9 * rhythm.lean_ahead
     pitch = pitch + nod + 0.02 * np.minimum(path.speed, 2) + 0.014 * idle[:, 4]
     pitch = pitch + 0.0012 * rhythm.tremble[:, 4]
@@ -62,5 +62,5 @@ def _head(path: Path, left: Foot, right: Foot, rhythm: Rhythm, roll: Array, styl
     yaw = yaw + (0.06 * idle[:, 7] + 0.16 * rhythm.stand * rhythm.shift[:, 1]) * style.restless
     pitch = np.radians(3 + style.head + 5 * rhythm.crouch) + 0.1 * rhythm.lean_ahead + 0.02 * idle[:, 9]
     # It looks at one point while the body rises and falls.
-    pitch = pitch - np.radians(1.0) * nodding(left, right, path, rhythm)
+    pitch = pitch - np.radians(1.0 + 0.8 * rhythm.run) * nodding(left, right, path, rhythm)
     return quat.mul(turns.y(yaw), quat.mul(turns.z(0.25 * roll + 0.012 * idle[:, 8]), turns.x(pitch)))
