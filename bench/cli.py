@@ -17,6 +17,8 @@ from motion.errors import UserError
 if TYPE_CHECKING:
     from mm.database import Database
 
+OF_CLIPS = ("skeleton", "roles_only", "clips", "roles", "source_fps", "source_unit", "tags", "folder_tags")
+"""Options that mean nothing for a database."""
 CLIPS = (".bvh", ".amc", ".asf", ".npz", ".gltf", ".glb")
 
 
@@ -355,8 +357,10 @@ def open_database(
     names = ", ".join(sources)
     first = Path(sources[0])
     if len(sources) == 1 and files.kind(first) == "file" and first.suffix.lower() not in CLIPS:
-        if chosen.get("exclude"):
-            raise UserError("this database is built already", path=first, remedy="leave out --exclude")
+        for name in (*OF_CLIPS, "exclude"):
+            if chosen.get(name):
+                flag = "--" + name.replace("_", "-")
+                raise UserError("this database is built already", path=first, remedy=f"leave out {flag}")
         return _load(sources[0]), names
     database = building.build(sources, **chosen, note=_note, progress=console.progress)
     if output is not None:

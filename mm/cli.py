@@ -63,12 +63,11 @@ def build(sources: tuple[str, ...], output: str, as_json: bool, **chosen: Any) -
     """
     begun = time.perf_counter()
     from motion import files
-    from motion.sources import inputs
 
     from . import build as building
     from .intake import Report
 
-    files.check_output(output, inputs=[*options.inputs(chosen), *inputs(sources)])
+    files.check_output(output, inputs=options.inputs(chosen, sources))
     report = Report()
     db = building.build(sources, **chosen, report=report, note=_note, progress=console.progress)
     db.save(output)

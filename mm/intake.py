@@ -249,6 +249,8 @@ def _loss(clip: Clip, kind: str, start: int, stop: int, frames: int, what: str) 
     remedy = None
     if kind == "rate":
         remedy = f"give the right one: --source-fps, or fps in {facts.NAME} (check = false keeps this one)"
+    elif kind == "ground" and stop - start == frames:
+        remedy = f"if unit or axes are other ones: --source-unit, --source-up, or unit, up in {facts.NAME}"
     return Loss(_path(clip), kind, start, stop, frames, (stop - start) / clip.fps, what, remedy)
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import click
@@ -81,12 +82,19 @@ def building(command: Callable) -> Callable:
     return command
 
 
-def inputs(options: Mapping[str, Any]) -> list[str | None]:
-    """The files that options of `building` name: nothing may be written over them."""
+def inputs(options: Mapping[str, Any], sources: Sequence[str] = ()) -> list[str | Path]:
+    """The files that sources and options of `building` name: nothing may be written over them."""
     from features import presets
+    from motion import facts
+    from motion import sources as motion_files
 
     from .skeletons import BUILT_IN
 
-    names = [options.get(name) for name in ("roles", "skeleton", "tags", "clips", "schema")]
+    names = filter(None, (options.get(name) for name in ("roles", "skeleton", "tags", "schema")))
     known = {*BUILT_IN, *presets.names()}
-    return [name for name in names if name not in known]
+    rules = [] if options.get("clips") is None else [options["clips"]]
+    clips = []
+    if sources:
+        clips = motion_files.inputs(sources)
+        rules += facts.found(clips, sources)
+    return [*clips, *facts.inputs(rules), *(name for name in names if name not in known)]

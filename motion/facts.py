@@ -154,9 +154,8 @@ def book(
     excluded: dict[Path, bool] = {}
     notes = []
     scopes: list[tuple[Path, list[Path], list[Path]]] = [
-        (folder / NAME, [folder], [clip for clip in clips if clip.is_relative_to(folder)])
-        for folder in _folders(clips, tops)
-        if files.kind(folder / NAME) == "file"
+        (path, [path.parent], [clip for clip in clips if clip.is_relative_to(path.parent)])
+        for path in found(clips, tops)
     ]
     if rules is not None:
         scopes.append((Path(rules), [*tops, *(top.parent for top in tops)], list(clips)))
@@ -164,13 +163,13 @@ def book(
         names = sources.names(under, above)
         matched: set[Path] = set()
         for rule in load(path):
-            found = [clip for clip in under if any(fnmatchcase(n, rule.files) for n in names[clip])]
-            if not found:
+            reached = [clip for clip in under if any(fnmatchcase(n, rule.files) for n in names[clip])]
+            if not reached:
                 some = ", ".join(sources.name_of(clip) for clip in under[:5]) + ", ..." * (len(under) > 5)
                 what = f"no clip is named like {rule.files!r}"
                 raise UserError(what, path=path, remedy=f"the clips are {some}")
-            matched.update(found)
-            for clip in found:
+            matched.update(reached)
+            for clip in reached:
                 told[clip] = rule.over(told.get(clip, Facts()))
                 if rule.exclude is not None:
                     excluded[clip] = rule.exclude
@@ -179,6 +178,19 @@ def book(
     if gone and len(gone) == len(clips):
         raise UserError(f"all {len(clips)} clips are excluded", path=scopes[-1][0], remedy="exclude fewer")
     return Book(common or Facts(), told, gone, tuple(notes))
+
+
+def found(clips: Iterable[Path], roots: Iterable[str | os.PathLike[str]]) -> list[Path]:
+    """The files of rules in the folders that were searched for clips, the outer folder's first."""
+    folders = _folders(clips, list(map(Path, roots)))
+    return [folder / NAME for folder in folders if files.kind(folder / NAME) == "file"]
+
+
+def inputs(rules: Iterable[str | os.PathLike[str]]) -> list[Path]:
+    """Files of rules and the roles files that they name: nothing to write over."""
+    paths = list(map(Path, rules))
+    named = [(path.parent, rule.roles) for path in paths for rule in config.load(_File, path).clips]
+    return [*paths, *(folder / roles for folder, roles in named if isinstance(roles, Path))]
 
 
 def load(path: str | os.PathLike[str]) -> tuple[Rule, ...]:

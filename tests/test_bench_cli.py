@@ -111,6 +111,8 @@ BAD = {
     "counts": (("crowd", "{db}", "--counts", "1,x"), "'1,x' is not a list of numbers"),
     "no characters": (("crowd", "{db}", "--counts", "0"), "not in the range 1<=x"),
     "nothing listed": (("compare", "{db}", "--courses", ","), "an empty list"),
+    "a skeleton for a database": (("compare", "{db}", "--skeleton", "dancecard"), "leave out --skeleton"),
+    "rules for a database": (("coverage", "{db}", "--clips", "{text}"), "leave out --clips"),
     "excluded from a database": (("compare", "{db}", "--exclude", "run"), "is built already"),
     "no BVH": (("reading", "{no}"), "no such file"),
     "report over a file": (("compare", "{db}", "-o", "{text}"), "cannot write: it is a file"),

@@ -269,13 +269,19 @@ def test_an_output_that_is_an_input_is_refused_and_kept(db: Path, walker_files: 
     course.write_text("seconds = 1\n[[stick]]\ntime = 0\n")
     copy = tmp_path / "copy.mmdb"
     copy.write_bytes(db.read_bytes())
-    kept = {path: path.read_bytes() for path in (clip, roles, course, copy)}
+    rules = tmp_path / "clips.toml"
+    rules.write_text('[[clips]]\nfiles = "*"\nroles = "few.toml"\n')
+    (tmp_path / "few.toml").write_text("[roles]\n")
+    kept = {path: path.read_bytes() for path in (clip, roles, course, copy, rules)}
     for command in (
         ("build", clip, "-o", clip),
         ("build", tmp_path, "-o", clip, "--exclude", "clip"),
         ("build", walker_files, "-o", roles, "--roles", roles),
         ("build", walker_files, "-o", roles, "--tags", roles),
         ("build", walker_files, "-o", clip, "--skeleton", clip),
+        ("build", walker_files, "-o", rules, "--clips", rules),
+        ("build", tmp_path, "-o", rules),
+        ("build", tmp_path, "-o", tmp_path / "few.toml"),
         ("build", walker_files, "-o", roles, "--schema", roles),
         ("run", copy, "--course", "circle", "-o", copy),
         ("run", copy, "--course", "circle", "--record", copy),
