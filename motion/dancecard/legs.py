@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 LONGEST = figure.THIGH + figure.SHANK - 1e-6
 INSTEP = float(np.hypot(figure.ANKLE - figure.BALL[1], figure.BALL[2]))  # from the ankle to the ball
 LEVEL = float(np.arctan2(figure.ANKLE - figure.BALL[1], figure.BALL[2]))  # its slope when the sole is flat
-TOE_CLEAR = float(figure.BALL[1]) + 0.05  # height below which the toes of a swinging foot are not lowered
+TOE_CLEAR = float(figure.BALL[1]) + 0.03  # height below which the toes of a swinging foot are not lowered
 TIP_CLEAR = 0.003 - float(figure.TOE[1])  # least height of the toes' tips above the floor
 DORSIFLEXION = np.radians(3)  # of a foot in the air, beyond which it gives way
 

@@ -40,7 +40,7 @@ def _chest(path: Path, left: Foot, right: Foot, rhythm: Rhythm, style: Style) ->
     idle, fps, run = rhythm.idle, path.fps, rhythm.run
     counter = COUNTER * style.twist * smooth(rhythm.swing, 0.03 * fps) * (1 + 2.2 * run)
     nod = np.radians(1.6 + 1.2 * run) * nodding(left, right, path, rhythm)
-    pitch = np.radians(8.0 + style.lean + 8.0 * run + 22.0 * rhythm.crouch) + 0.9 * rhythm.lean_ahead
+    pitch = np.radians(10.5 + style.lean + 8.0 * run + 22.0 * rhythm.crouch) + 0.9 * rhythm.lean_ahead
     pitch = pitch + nod + 0.02 * np.minimum(path.speed, 2) + 0.014 * idle[:, 4]
     pitch = pitch + 0.0012 * rhythm.tremble[:, 4]
     roll = -0.8 * rhythm.lean_left - 0.35 * drop(path, rhythm) + 0.010 * idle[:, 5]
