@@ -69,8 +69,8 @@ def build(
     jobs : threads; default: one a core.
     skeleton : the skeleton to use: that of a motion file, of `mm.skeletons.BUILT_IN` by name, or one itself.
         Without it all clips must have the same joints, and the first clip's bones serve.
-    retarget : whether clips with other joints or bones are moved onto the skeleton by roles; else those with
-        other joints are left out, and other bone lengths are fitted.
+    retarget : whether clips with other joints are moved onto the skeleton by roles, or left out. Same joints
+        of other lengths are fitted.
     roles_only : use a flat skeleton of the joints that the schema needs, so that skeletons may differ.
     check : whether `motion.check` looks at every clip, and what it finds to be bad is cut out.
     clips : a file of rules about some of the clips, see `motion.facts`; besides those in the folders.

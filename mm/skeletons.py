@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
 from typing import NoReturn
 
@@ -66,27 +66,24 @@ def agree(
     It is the wanted one, or the first piece's. Without a wanted one, pieces with other joints (names and
     hierarchy) are a UserError that lists the groups. With one they are retargeted; those that cannot be, or
     are not to be, are left out, which is noted, and a UserError if none remains. Other bone lengths are
-    retargeted, too, or else fitted.
+    fitted.
     """
     skeleton = wanted.skeleton if isinstance(wanted, Clip) else wanted or pieces[0].clip.skeleton
     groups = _grouped(pieces, lambda skeleton: (skeleton.names, skeleton.parents.tobytes()))
-    same = [group[0].clip.skeleton.same_joints(skeleton) for group in groups]
-    if wanted is None and not all(same):
+    others = [group for group in groups if not group[0].clip.skeleton.same_joints(skeleton)]
+    if wanted is None and others:
         _ask(groups)
-    others = [p for p in pieces if not p.clip.skeleton.same_joints(skeleton) or differs(p.clip, skeleton)]
-    body = _target_body(pieces, wanted, skeleton, required=not all(same)) if others and retargeting else None
+    body = _target_body(pieces, wanted, skeleton) if others and retargeting else None
     sources: dict[Piece, Anatomy] = {}
-    for group, alike in zip(groups, same, strict=True):
-        refused: dict[str, list[Piece]] = {}
+    for group in others:
         if body is not None:
-            found, refused = _bodies([p for p in group if not alike or differs(p.clip, skeleton)], body)
+            found, refused = _bodies(group, body)
             sources |= found
-        elif not alike:
+        else:
             refused = {_difference(group[0].clip.skeleton, skeleton): group}
-        if not alike:
-            for why, lost in refused.items():
-                note(f"left out {_describe(lost)}: {why}")
-                report.leave_out(lost, "skeleton", why)
+        for why, lost in refused.items():
+            note(f"left out {_describe(lost)}: {why}")
+            report.leave_out(lost, "skeleton", why)
     kept = [p for p in pieces if p.clip.skeleton.same_joints(skeleton) or p in sources]
     if not kept:
         clip = pieces[0].clip
@@ -97,21 +94,23 @@ def agree(
             path=clip.source,
             remedy="give --skeleton a file with the clips' joints",
         )
-    _note_changes(kept, sources, skeleton, note)
+    fitted = sum(piece not in sources and differs(piece.clip, skeleton) for piece in kept)
+    for count, what in (
+        (len(sources), "have other joints and are retargeted by their roles"),
+        (fitted, "have other bone lengths and are fitted to one skeleton"),
+    ):
+        if count:
+            note(f"{count} of {len(kept)} clips {what}")
     return kept, [sources.get(piece) for piece in kept], Target(skeleton, body)
 
 
-def _target_body(
-    pieces: Sequence[Piece], wanted: Clip | Skeleton | None, skeleton: Skeleton, *, required: bool
-) -> Anatomy | None:
-    """How the skeleton's joints sit in the body, by all clips on it; a UserError, or None, if none tells."""
+def _target_body(pieces: Sequence[Piece], wanted: Clip | Skeleton | None, skeleton: Skeleton) -> Anatomy:
+    """How the skeleton's joints sit in the body, by all clips on it; a UserError if none tells."""
     own = [p.posed or p.clip for p in pieces if p.clip.skeleton.same_joints(skeleton)]
     model = [wanted] if isinstance(wanted, Clip) else []
     try:
         return anatomy.anatomy(skeleton, [*model, *(clip for clip in own if not differs(clip, skeleton))])
     except UserError as error:
-        if not required:
-            return None
         path = wanted.source if isinstance(wanted, Clip) else None
         raise UserError(error.what, path=path, remedy=error.remedy) from error
 
@@ -130,21 +129,6 @@ def _bodies(pieces: Sequence[Piece], target: Anatomy) -> tuple[dict[Piece, Anato
         else:
             found |= dict.fromkeys(alike, body)
     return found, refused
-
-
-def _note_changes(
-    kept: Sequence[Piece], sources: Mapping[Piece, Anatomy], skeleton: Skeleton, note: Callable[[str], None]
-) -> None:
-    joints = sum(not piece.clip.skeleton.same_joints(skeleton) for piece in kept)
-    bones = sum(piece in sources for piece in kept) - joints
-    fitted = sum(piece not in sources and differs(piece.clip, skeleton) for piece in kept)
-    for count, what in (
-        (joints, "have other joints and are retargeted by their roles"),
-        (bones, "have other bone lengths and are retargeted to those of one skeleton"),
-        (fitted, "have other bone lengths and are fitted to one skeleton"),
-    ):
-        if count:
-            note(f"{count} of {len(kept)} clips {what}")
 
 
 def _grouped(pieces: Sequence[Piece], key: Callable[[Skeleton], Hashable]) -> list[list[Piece]]:

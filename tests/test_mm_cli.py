@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import subprocess
@@ -15,7 +16,7 @@ from click.testing import CliRunner, Result
 from mm import summary, tags
 from mm.cli import main
 from mm.database import KIND, VERSION, Database
-from motion import files, sources
+from motion import facts, files, sources
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 
@@ -84,6 +85,16 @@ def test_the_tags_in_the_help_are_a_tags_file(tmp_path: Path) -> None:
         tags.Rule("run", "run*"),
         tags.Rule("turn", "walk_07", 120, 240),
     )
+
+
+def test_the_rules_in_the_help_are_a_file_of_rules(tmp_path: Path) -> None:
+    lines = [line.strip() for line in _mm("build", "--help").stdout.splitlines()]
+    start = lines.index("[[clips]]")
+    (tmp_path / "clips.toml").write_text("\n".join(lines[start : start + 4]))
+    assert facts.load(tmp_path / "clips.toml") == (facts.Rule(files="old/*", fps=60, unit="inch"),)
+    told = " ".join(lines)
+    keys = told[told.index("Its keys are") :].partition(".")[0]
+    assert all(field.name in keys for field in dataclasses.fields(facts.Rule) if field.name != "files")
 
 
 def test_info(db: Path) -> None:
