@@ -49,12 +49,16 @@ def _arm(drive: Array, sign: float, idle: Array, rhythm: Rhythm, style: Style) -
 
 def _hand(sign: float, run: Array) -> dict[str, Array]:
     """A relaxed hand, half closed in a run."""
-    still = np.zeros_like(run)
     curl = -sign * np.radians(22 + 28 * run)
     return {
-        "Hand": quat.mul(turns.x(still + np.radians(10)), turns.z(still - sign * np.radians(6))),
+        "Hand": np.broadcast_to(_relaxed(10, sign * -6), (len(run), 4)),
         "Index1": turns.z(curl),
         "Index2": turns.z(1.2 * curl),
-        "Thumb1": quat.mul(turns.y(still + sign * np.radians(12)), turns.z(0.4 * curl)),
+        "Thumb1": quat.mul(turns.y(np.radians(sign * 12)), turns.z(0.4 * curl)),
         "Thumb2": turns.z(0.4 * curl),
     }
+
+
+def _relaxed(about_x: float, about_z: float) -> Array:
+    """A constant rotation [4] by degrees about two axes."""
+    return quat.mul(turns.x(np.radians(about_x)), turns.z(np.radians(about_z)))

@@ -55,15 +55,19 @@ def smooth(values: Array, frames: float) -> Array:
     return ndimage.gaussian_filter1d(values, frames, axis=0, mode="nearest", truncate=3.0)
 
 
-def wander(rng: np.random.Generator, time: Array, channels: int, slowest: float, fastest: float) -> Array:
+def wander(
+    rng: np.random.Generator, frames: int, fps: float, channels: int, slowest: float, fastest: float
+) -> Array:
     """Smooth random curves [T, channels] of unit variance, periods between slowest and fastest seconds."""
-    waves = 4
-    rate = 2 * np.pi / np.exp(rng.uniform(np.log(fastest), np.log(slowest), (waves, channels)))
-    start = rng.uniform(0, 2 * np.pi, (waves, channels))
-    out = np.zeros((len(time), channels))
-    for w in range(waves):
-        out += np.sin(time[:, None] * rate[w] + start[w])
-    return out * np.sqrt(2 / waves)
+    waves, block = 4, 64
+    period = np.exp(rng.uniform(np.log(fastest), np.log(slowest), (channels, waves, 1)))
+    start = rng.uniform(0, 2 * np.pi, (channels, waves, 1))
+    # The sine of a sum: of where a block begins, and of the frame in it.
+    rate = 2 * np.pi / (fps * period)
+    begin, inside = start + rate * block * np.arange(-(-frames // block)), rate * np.arange(block)
+    sum_ = np.matmul(np.sin(begin).swapaxes(1, 2), np.cos(inside))
+    sum_ += np.matmul(np.cos(begin).swapaxes(1, 2), np.sin(inside))
+    return np.ascontiguousarray(sum_.reshape(channels, -1)[:, :frames].T) * np.sqrt(2 / waves)
 
 
 def dot(a: Array, b: Array) -> Array:

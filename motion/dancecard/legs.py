@@ -34,14 +34,16 @@ def bend(position: Array, rotation: Array, foot: Foot, sign: float) -> dict[str,
     held = distance + free * (_yielding(distance, LONGEST - 0.004, 0.025) - distance)
     reach = np.minimum(held, LONGEST)
     hinge, thigh = _knee(down, reach, quat.yaw(rotation), foot.yaw)
-    shank = _unit(reach[:, None] * down - figure.THIGH * thigh)
-    upper, lower = _frame(hinge, thigh), _frame(hinge, shank)
+    shank = (reach[:, None] * down - figure.THIGH * thigh) / figure.SHANK
+    back = quat.inv(rotation)
+    upper = _frame(quat.rotate(back, hinge), quat.rotate(back, thigh))
+    knee = turns.x(np.arctan2(dot(cross(thigh, shank), hinge), dot(thigh, shank)))
     pitch = _pitch(foot, shank, free)
     sole = quat.mul(quat.from_yaw(foot.yaw), turns.x(-pitch))
     return {
-        "UpLeg": quat.mul(quat.inv(rotation), upper),
-        "Leg": quat.mul(quat.inv(upper), lower),
-        "Foot": quat.mul(quat.inv(lower), sole),
+        "UpLeg": upper,
+        "Leg": knee,
+        "Foot": quat.mul(quat.inv(quat.mul(rotation, quat.mul(upper, knee))), sole),
         "ToeBase": turns.x(-_bend(foot, pitch)),
     }
 
@@ -91,9 +93,13 @@ def _yielding(distance: Array, most: float, margin: float) -> Array:
 
 
 def _frame(left: Array, down: Array) -> Array:
-    """Rotations whose X axis is left and whose Y axis is against down."""
-    up = -down
-    return quat.from_matrix(np.stack([left, up, cross(left, up)], axis=-1))
+    """Rotations whose X axis is left and whose Y axis is against down, by less than half a turn."""
+    lx, ly, lz = left.T
+    ux, uy, uz = -down.T
+    fx, fy, fz = ly * uz - lz * uy, lz * ux - lx * uz, lx * uy - ly * ux
+    q = np.empty((len(left), 4))
+    q[:, 0], q[:, 1], q[:, 2], q[:, 3] = 1 + lx + uy + fz, uz - fy, fx - lz, ly - ux
+    return q / np.sqrt(4 * q[:, :1])
 
 
 def _unit(v: Array) -> Array:

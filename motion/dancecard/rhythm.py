@@ -51,11 +51,11 @@ class Rhythm:
 
 def rhythm(path: Path, left: Foot, right: Foot, style: Style, rng: np.random.Generator) -> Rhythm:
     """The rhythm of steps along a path."""
-    fps = path.fps
+    fps, frames = path.fps, len(path.time)
     stand = smooth(1 - ease(np.maximum(path.speed / 0.35, np.abs(path.turning) / 0.8)), 0.18 * fps)
-    idle = style.restless * wander(rng, path.time, 14, 9.0, 1.6)
-    shift = wander(rng, path.time, 2, 16.0, 5.0)
-    tremble = wander(rng, path.time, 6, 0.35, 0.12) * (0.15 + 0.57 * path.speed)[:, None]
+    idle = style.restless * wander(rng, frames, fps, 14, 9.0, 1.6)
+    shift = wander(rng, frames, fps, 2, 16.0, 5.0)
+    tremble = wander(rng, frames, fps, 6, 0.35, 0.12) * (0.15 + 0.57 * path.speed)[:, None]
     forward = np.stack([np.sin(path.heading), np.cos(path.heading)], axis=-1)
     side = np.stack([np.cos(path.heading), -np.sin(path.heading)], axis=-1)
     apart = dot((left.ankle - right.ankle)[:, [0, 2]], forward) / LEG
