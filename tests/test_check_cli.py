@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import synthetic
 
-from motion import bvh, cli, sources
+from motion import axes, bvh, cli, sources
 from motion.check import check
 
 
@@ -54,6 +54,25 @@ def test_a_table_of_findings_exits_with_1(run, folder):
     assert "1 of 3 clips without findings; rate in 1, teleport in 1; 361 of 1,080 frames" in err or (
         "teleport in 1, rate in 1" in err
     )
+
+
+def test_rules_about_clips_are_followed(run, folder, tmp_path):
+    (folder / "clips.toml").write_text('[[clips]]\nfiles = "slow"\nfps = 60\n')
+    code, out, err = run(folder)
+    assert code == 1 and "jump.bvh" in out and "slow.bvh" not in out
+    assert "clips.toml has rules for 1 of 3 clips" in err
+    rules = '[[clips]]\nfiles = "slow"\nfps = 60\nup = "z"\n[[clips]]\nfiles = "jump"\nexclude = true\n'
+    (folder / "clips.toml").write_text(rules)
+    upright = sources.load(folder / "slow.bvh")
+    bvh.write(folder / "slow.bvh", axes.convert(upright, up="z", forward="-y"), unit_to_m=0.01)
+    code, out, err = run(folder, "--trim", "-o", tmp_path / "good")
+    assert code == 0 and "2 of 2 clips without findings" in err
+    written = sources.load(tmp_path / "good" / "slow_0.bvh", fps=60)
+    as_it_was = sources.load(folder / "slow.bvh", fps=60)
+    np.testing.assert_allclose(written.positions, as_it_was.positions, atol=1e-6)
+    (folder / "clips.toml").write_text('[[clips]]\nfiles = "nobody"\nfps = 60\n')
+    code, _, err = run(folder)
+    assert code == 2 and "no clip is named like 'nobody'" in err
 
 
 def test_json_lists_every_clip(run, folder):

@@ -15,6 +15,7 @@ from ..errors import UserError
 
 if TYPE_CHECKING:
     from ..clip import Clip
+    from ..facts import Book
     from .finding import Finding
 
 MINIMUM = 0.5  # seconds; a search through shorter spans finds nothing that leads anywhere
@@ -61,38 +62,52 @@ def check(
     be left out, others are remarks. --trim writes the spans of each clip that remain, as NAME_0.bvh,
     NAME_1.bvh and so on, at the rate of --fps if given.
 
+    Rules of a clips.toml in the folders searched are followed (see `mm build`).
+
     Exit code: 0 if nothing was found, 1 if something was (with --trim: 0, if all could be read), 2 for wrong
     usage.
     """
-    from .. import axes, bvh, sources
+    from .. import axes, bvh, facts, sources
     from ..check import check as findings_of
     from ..check import good_spans
     from ..resample import crop
 
     if trim != (output is not None):
         raise click.UsageError("give --trim and -o FOLDER together")
-    system = options.system(source_up, source_forward, source_handedness)
+    told = facts.Facts(
+        fps=fps,
+        unit=source_unit,
+        up=source_up,  # type: ignore[arg-type]
+        forward=source_forward,  # type: ignore[arg-type]
+        handedness=source_handedness,  # type: ignore[arg-type]
+        roles=None if roles is None else Path(roles),
+    )
     paths = sources.find(files, exclude=exclude)
+    book = facts.book(paths, files, common=told)
+    paths = [path for path in paths if path not in book.excluded]
+    for note in book.notes:
+        click.echo(f"note: {note}", err=True)
     targets = _Targets(output, files, paths, "_0.bvh") if output is not None else None
     pictures = _Targets(plot, files, paths, ".png") if plot is not None else None
     reports, written = [], 0
-    for path, clip in _read(paths, fps=fps, unit_to_m=source_unit, roles=roles):
+    for path, clip in _read(paths, book):
         if isinstance(clip, UserError):
             reports.append(Report(path, 0, 0.0, [], [], unreadable=str(clip)))
             continue
-        ours = axes.convert(clip, up=system[0], forward=system[1], handedness=system[2], inverse=True)
-        found = findings_of(ours)
+        found = findings_of(clip)
         least = max(2, round(minimum * clip.fps))
         good = good_spans(len(clip), found, minimum=least)
         reports.append(Report(path, len(clip), clip.fps, found, good))
         if targets is not None:
+            up, forward, handedness = options.system(*book.of(path).axes)
+            theirs = axes.convert(clip, up=up, forward=forward, handedness=handedness)
             for number, (start, stop) in enumerate(good):
-                bvh.write(targets.path(path, f"_{number}.bvh"), crop(clip, start, stop))
+                bvh.write(targets.path(path, f"_{number}.bvh"), crop(theirs, start, stop))
                 written += 1
         if pictures is not None and found:
             from .picture import save
 
-            save(pictures.path(path, ".png"), ours, found)
+            save(pictures.path(path, ".png"), clip, found)
     _print(reports, as_json)
     click.echo(_summary(reports), err=True)
     if targets is not None:
@@ -114,19 +129,13 @@ class Report:
     unreadable: str = ""
 
 
-def _read(
-    paths: Sequence[Path], *, fps: float | None, unit_to_m: float | None, roles: str | None
-) -> Iterator[tuple[Path, Clip | UserError]]:
-    """The clips at paths, or why they cannot be read."""
-    from .. import roles as role_files
-    from .. import sources
+def _read(paths: Sequence[Path], book: Book) -> Iterator[tuple[Path, Clip | UserError]]:
+    """The clips at paths, as the book knows them, or why they cannot be read."""
+    from .. import facts
 
-    overrides = {} if roles is None else role_files.load_overrides(roles)
     for path in console.progress(paths, label="checking", unit="clips"):
         try:
-            clip = sources.load(path, fps=fps, unit_to_m=unit_to_m)
-            if overrides:
-                clip = clip.replace(skeleton=role_files.apply(clip.skeleton, overrides))
+            clip = facts.read(path, book.of(path))
         except UserError as error:
             yield path, error
         else:
