@@ -9,7 +9,7 @@ import click
 
 from motion import console
 from motion.errors import UserError
-from motion.options import AXIS, FORWARD, HAND, ROLES, Length, about, clips, system
+from motion.options import AXIS, FORWARD, HAND, ROLES, Length, about, model, rig_axes, system
 
 if TYPE_CHECKING:
     from motion.anatomy import Anatomy
@@ -28,7 +28,7 @@ KEPT = 16
 @click.option(
     "--course", "course_name", required=True, metavar="NAME|FILE", help="See `courses`, or a TOML file."
 )
-@click.option("-o", "--output", type=click.Path(), metavar="OUT.bvh", help="Motion to write, in metres.")
+@click.option("-o", "--output", type=click.Path(), metavar="OUT", help="Motion to write, .bvh or .npz.")
 @click.option("--record", "tape", type=click.Path(), metavar="FILE", help="Recording to write, of all of it.")
 @click.option("--count", type=console.COUNT, default=1, show_default=True, help="Characters.")
 @click.option("--character", type=click.IntRange(0), default=0, show_default=True, help="Which one to write.")
@@ -50,8 +50,9 @@ KEPT = 16
 @click.option(
     "--rig", type=click.Path(), metavar="FILE", help="Drive the skeleton of this motion file; -o writes that."
 )
+@rig_axes("rig")
 @ROLES
-@click.option("--up", type=AXIS, default="y", show_default=True, help="Axis that points up in OUT.bvh.")
+@click.option("--up", type=AXIS, default="y", show_default=True, help="Axis that points up in OUT.")
 @click.option("--forward", type=AXIS, help=f"Axis that characters face in it.  {FORWARD}")
 @click.option("--handedness", type=HAND, default="right", show_default=True, help="Handedness of its axes.")
 @click.option("--unit", type=Length(), default="m", show_default=True, help="m, cm, ... or metres a unit.")
@@ -62,6 +63,7 @@ def run(
     tape: str | None,
     character: int,
     rig: str | None,
+    rig_file: dict[str, Any],
     roles: str | None,
     up: str,
     forward: str | None,
@@ -82,24 +84,31 @@ def run(
       waypoints = [{ position = [0, 0], speed = 1.4 },
                    { position = [4, 6], speed = 3.0, gait = "run" }]
     """
-    from motion import axes, bvh
+    from motion import axes, bvh, writers
 
     from .database import Database
 
     if rig is None and roles is not None:
         raise click.UsageError("--roles are those of the rig's joints: give --rig FILE too")
+    if rig is None and rig_file != {"unit": None, "up": "y", "forward": None, "handedness": "right"}:
+        raise click.UsageError("--rig-unit and --rig-up are about the rig's file: give --rig FILE too")
     up, forward, handedness = system(up, forward, handedness)
     convention = axes.Convention(up=up, forward=forward, handedness=handedness)
     _check_outputs((output, tape), (db, options["settings"], rig, roles), options["course_name"])
+    form = output and writers.suffix_of(Path(output))
     if character >= options["count"]:
         raise UserError(f"no character {character}", remedy=f"there are {options['count']}, counted from 0")
     keep = None if tape else max(character + 1, KEPT)
     database = Database.load(db)
-    body = None if rig is None else _rig(rig, roles)
-    recording, shown = _drive(database, keep=keep, body=body, **options)
+    body = None if rig is None else _rig(rig, roles, rig_file)
+    recording, shown = _drive(database, keep=keep, rig=rig, body=body, **options)
     if output:
         clip = recording.clip(character) if shown is None else shown.clip(recording, character)
-        bvh.write(output, convention.clip_to(clip), decimals=5, unit_to_m=unit)
+        moved = convention.clip_to(clip)
+        if form == "bvh":
+            bvh.write(output, moved, decimals=5, unit_to_m=unit)
+        else:
+            writers.write(Path(output), moved, unit_to_m=unit, axes=(up, forward, handedness))
     if tape:
         recording.save(tape)
     facts = {"database": db, **summarise(recording, options["count"])}
@@ -126,11 +135,11 @@ def _check_outputs(
         taken.append(output)
 
 
-def _rig(file: str, roles: str | None) -> Anatomy:
+def _rig(file: str, roles: str | None, reading: dict[str, Any]) -> Anatomy:
     """The anatomy of a motion file's skeleton."""
     from motion.anatomy import anatomy
 
-    _, clip = next(clips((file,), label="reading", roles=roles))
+    clip, _ = model(file, **reading, roles=roles)
     with about(Path(file)):
         return anatomy(clip.skeleton, [clip])
 
@@ -138,6 +147,7 @@ def _rig(file: str, roles: str | None) -> Anatomy:
 def _drive(
     database: Database,
     *,
+    rig: str | None,
     body: Anatomy | None,
     course_name: str,
     count: int,
@@ -171,7 +181,10 @@ def _drive(
     driver = Driver(
         course, count, controller.fps, spread=spread, required_tags=masks[0], forbidden_tags=masks[1]
     )
-    rigged = None if body is None else Rigged(controller, body)
+    rigged = None
+    if rig is not None and body is not None:
+        with about(Path(rig)):
+            rigged = Rigged(controller, body)
     recording = record(rigged or controller, course, seconds=seconds, characters=keep, driver=driver)
     return recording, rigged
 

@@ -194,6 +194,9 @@ def convert(
 
     if (target is None) == (output is None):
         raise click.UsageError("give one place to write to, as OUT or with -o")
+    names = tuple(name.strip() for name in (joints or "").split(",") if name.strip())
+    if joints is not None and not names:
+        raise click.UsageError("--joints names no joint")
     target = str(target or output)
     pairs = writers.targets(Path(source), Path(target), form=form, others=(roles, fit))
     changes = Changes(
@@ -201,8 +204,8 @@ def convert(
         keep_lead_in=keep_lead_in,
         start=start,
         stop=stop,
-        joints=tuple(name.strip() for name in (joints or "").split(",") if name.strip()),
-        fit=None if fit is None else next(options.clips((fit,), label="reading", roles=roles))[1],
+        joints=names,
+        fit=None if fit is None else options.model(fit, roles=roles)[0],
         fps=fps,
         ground=ground,
         mirror=mirror,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,6 +14,7 @@ from . import console
 from .errors import UserError
 
 if TYPE_CHECKING:
+    from .axes import Convention
     from .clip import Clip
 
 LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254, "foot": 0.3048}
@@ -29,7 +31,7 @@ class Length(click.ParamType):
             metres = LENGTHS[value] if value in LENGTHS else float(value)
         except ValueError:
             metres = -1.0
-        if not 0 < metres < 1e6:
+        if not 1e-6 <= metres <= 1e6:
             self.fail(f"{value!r} is no unit; give {', '.join(LENGTHS)} or metres a unit", param, ctx)
         return metres
 
@@ -57,6 +59,59 @@ def source_axes(command: Callable) -> Callable:
     ):
         command = option(command)
     return command
+
+
+def rig_axes(prefix: str) -> Callable[[Callable], Callable]:
+    """Decorator: options for the unit and axes of the one file that an option names, its values in a dict.
+
+    The command gets them as one argument, for `model`, named by the prefix and ``_file``.
+    """
+
+    def decorate(command: Callable) -> Callable:
+        keys = {name: f"{prefix}_{name}" for name in ("unit", "up", "forward", "handedness")}
+
+        @functools.wraps(command)
+        def inner(**chosen: Any) -> Any:
+            own = {name: chosen.pop(key) for name, key in keys.items()}
+            return command(**chosen, **{f"{prefix}_file": own})
+
+        hand, ahead, above, unit = (f"--{prefix}-{word}" for word in ("handedness", "forward", "up", "unit"))
+        for option in (
+            click.option(hand, type=HAND, default="right", show_default=True, help="Its handedness."),
+            click.option(ahead, type=AXIS, help=f"Axis it faces.  {FORWARD}"),
+            click.option(above, type=AXIS, default="y", show_default=True, help="That file's up axis."),
+            click.option(
+                unit, type=Length(), metavar="UNIT", help="Unit of that file's lengths.  [default: guessed]"
+            ),
+        ):
+            inner = option(inner)
+        return inner
+
+    return decorate
+
+
+def model(
+    file: str,
+    *,
+    unit: float | None = None,
+    up: str = "y",
+    forward: str | None = None,
+    handedness: str = "right",
+    roles: str | None = None,
+) -> tuple[Clip, Convention]:
+    """The clip, in our axes, of a file that is given for its skeleton, and the file's axes.
+
+    Of several animations, which share their skeleton, the first. A folder is a UserError.
+    """
+    from .axes import Convention
+    from .files import kind
+
+    if kind(file) == "folder":
+        raise UserError("it is a folder", path=file, remedy="name one motion file, for its skeleton")
+    above, ahead, hand = system(up, forward, handedness)
+    convention = Convention(up=above, forward=ahead, handedness=hand)
+    _, clip = next(clips((file,), label="reading", unit_to_m=unit, roles=roles))
+    return convention.clip_from(clip), convention
 
 
 def clips(

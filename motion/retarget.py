@@ -471,5 +471,6 @@ def _require_alike(source: Anatomy, target: Anatomy) -> None:
         kinds = ["quadruped" if it else "biped" for it in four]
         raise UserError(
             f"cannot move a {kinds[1]} as a {kinds[0]} moves",
-            remedy="retarget between bodies of one plan, or take the arms' roles from one in a roles file",
+            remedy="retarget between bodies of one plan, say which axis of their files is up if it is not y, "
+            "or take the arms' roles from one in a roles file",
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -24,6 +25,7 @@ from .errors import UserError
 @click.option(
     "-o", "--output", required=True, type=click.Path(), metavar="OUT", help="File or folder to write."
 )
+@options.rig_axes("to")
 @click.option("--no-feet", is_flag=True, help="Do not hold the feet on the ground where the source's rest.")
 @click.option("--keep-lead-in", is_flag=True, help="Keep a rest pose that stands before the capture.")
 @click.option("--source-fps", type=console.RATE, help="The files' rate, where they state a wrong one.")
@@ -37,6 +39,7 @@ def retarget(
     sources: tuple[str, ...],
     rig: str,
     output: str,
+    to_file: dict[str, Any],
     no_feet: bool,
     keep_lead_in: bool,
     source_fps: float | None,
@@ -52,7 +55,8 @@ def retarget(
     Joints are paired by the roles that they play (see `roles`). Limbs keep the skeleton's lengths; height and
     travel are scaled by the ratio of leg lengths; feet stand still where they did. Joints without a
     counterpart follow their parents. Where zero rotations are no standing pose, the files' motion tells how
-    the skeletons stand, so FILE had better hold some walking, or begin with a T-pose.
+    the skeletons stand, so FILE had better hold some walking, or begin with a T-pose. What is written has
+    the unit and the axes of FILE (an .npz file: metres).
     """
     from . import anatomy, axes, leadin, writers
     from . import retarget as retargeting
@@ -61,7 +65,7 @@ def retarget(
     pairs = _pairs(sources, Path(output), others)
     system = options.system(source_up, source_forward, source_handedness)
     convention = axes.Convention(up=system[0], forward=system[1], handedness=system[2])
-    model = next(options.clips((rig,), label="reading", roles=to_roles))[1]
+    model, theirs = options.model(rig, **to_file, roles=to_roles)
     with options.about(Path(rig)):
         target = anatomy.anatomy(model.skeleton, [model])
     found, paths = [], []
@@ -79,7 +83,8 @@ def retarget(
     for path, clip, body in console.progress(work, label="retargeting", unit="files"):
         with options.about(path):
             moved = retargeting.retarget(clip, target, source=body, feet=not no_feet)
-        writers.write(pairs[path], moved)
+        moved = theirs.clip_to(moved).replace(unit_to_m=model.unit_to_m)
+        writers.write(pairs[path], moved, axes=(theirs.up, theirs.forward, theirs.handedness))
     click.echo(f"wrote {len(pairs)} file{'s' * (len(pairs) != 1)} to {output}", err=True)
 
 

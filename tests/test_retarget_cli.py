@@ -7,7 +7,7 @@ import pytest
 from click.testing import CliRunner
 from test_retarget import degrees_apart, other_joints
 
-from motion import bvh, quat, sources
+from motion import bvh, kinematics, quat, sources
 from motion.cli import main
 from motion.clip import Clip
 
@@ -63,6 +63,27 @@ def test_axes_of_the_source_can_be_told(walker_files, rig_file, tmp_path):
     np.testing.assert_allclose(a.positions, b.positions, atol=1e-3)
 
 
+def test_what_is_written_has_the_unit_and_axes_of_the_skeleton(walker_files, rig_file, tmp_path):
+    theirs = "--up", "z", "--forward", "x", "--handedness", "left", "--unit", "inch"
+    motion("convert", rig_file, tmp_path / "theirs.bvh", *theirs)
+    motion("retarget", walker_files / "run.bvh", "--to", rig_file, "-o", tmp_path / "ours.bvh")
+    read = "--to-up", "z", "--to-forward", "x", "--to-handedness", "left", "--to-unit", "inch"
+    rig = "--to", tmp_path / "theirs.bvh", *read
+    motion("retarget", walker_files / "run.bvh", *rig, "-o", tmp_path / "out.bvh")
+    motion("retarget", walker_files / "run.bvh", *rig, "-o", tmp_path / "out.npz")
+    ours = sources.load(tmp_path / "ours.bvh", unit_to_m=1.0)
+    written, archive = (
+        sources.load(tmp_path / "out.bvh", unit_to_m=0.0254),
+        sources.load(tmp_path / "out.npz"),
+    )
+    a, b = (kinematics.forward(c.skeleton, c.positions, c.rotations)[0] for c in (ours, written))
+    # Ours (left, up, forward) are x y z; theirs forward x, right y, up z.
+    np.testing.assert_allclose(b, np.stack([a[..., 2], -a[..., 0], a[..., 1]], axis=-1), atol=1e-3)
+    rig_offsets = sources.load(tmp_path / "theirs.bvh", unit_to_m=0.0254).skeleton.offsets
+    np.testing.assert_allclose(written.skeleton.offsets[1:], rig_offsets[1:], atol=1e-6)
+    np.testing.assert_allclose(archive.positions, ours.positions, atol=1e-5)  # an archive says its axes
+
+
 def test_bad_input_is_one_line(walker_files, rig_file, tmp_path):
     out = tmp_path / "out.bvh"
     assert "Missing option '--to'" in motion("retarget", walker_files, "-o", out, code=2)
@@ -72,6 +93,8 @@ def test_bad_input_is_one_line(walker_files, rig_file, tmp_path):
     assert "write over its source" in said
     said = motion("retarget", walker_files / "run.bvh", "--to", rig_file, "-o", rig_file, code=2)
     assert "hero.bvh" in said
+    said = motion("retarget", walker_files / "run.bvh", "--to", walker_files, "-o", out, code=2)
+    assert "it is a folder; name one motion file" in said
     (tmp_path / "roles.toml").write_text('[roles]\nhips = ""\n')
     for option, file in (("--roles", walker_files / "run.bvh"), ("--to-roles", rig_file)):
         said = motion("retarget", walker_files / "run.bvh", "--to", rig_file, "-o", out, option,

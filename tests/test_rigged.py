@@ -15,7 +15,7 @@ from mm.cli import main
 from mm.controller import Controller
 from mm.recording import record
 from mm.rigged import Rigged, of_database
-from motion import bvh, kinematics, quat, rig, sources
+from motion import axes, bvh, kinematics, quat, rig, sources
 from motion.anatomy import anatomy
 from motion.clip import Clip
 
@@ -94,9 +94,25 @@ def test_run_writes_the_rig_in_the_axes_asked_for(files, tmp_path):
     np.testing.assert_allclose(b, np.stack([a[..., 2], -a[..., 0], a[..., 1]], axis=-1), atol=1e-3)
 
 
+def test_a_rig_of_other_axes_and_unit_is_the_same_rig(files, tmp_path):
+    clip = axes.convert(sources.load(files / "rig.bvh"), up="z", forward="x", handedness="left")
+    bvh.write(tmp_path / "theirs.bvh", clip, unit_to_m=0.0254)
+    reading = "--rig-up", "z", "--rig-forward", "x", "--rig-handedness", "left", "--rig-unit", "inch"
+    run(files, "--rig", files / "rig.bvh", "-o", tmp_path / "a.bvh")
+    run(files, "--rig", tmp_path / "theirs.bvh", *reading, "-o", tmp_path / "b.bvh")
+    a, b = (sources.load(tmp_path / f"{name}.bvh", unit_to_m=1.0) for name in "ab")
+    np.testing.assert_allclose(a.positions, b.positions, atol=1e-4)
+    np.testing.assert_allclose(np.abs(np.sum(a.rotations * b.rotations, axis=-1)), 1, atol=1e-6)
+    run(files, "--rig", tmp_path / "theirs.bvh", *reading, "-o", tmp_path / "b.npz")
+    np.testing.assert_allclose(sources.load(tmp_path / "b.npz").positions, b.positions, atol=1e-4)
+
+
 def test_run_refuses_what_is_no_rig(files, tmp_path):
     assert "give --rig FILE too" in run(files, "--roles", "x.toml", code=2).stderr
     assert "no such file" in run(files, "--rig", tmp_path / "none.bvh", code=2).stderr
+    assert "give --rig FILE too" in run(files, "--rig-up", "z", code=2).stderr
+    assert "it is a folder" in run(files, "--rig", files, code=2).stderr
+    assert "name a .bvh or .npz file" in run(files, "-o", tmp_path / "x.fbx", code=2).stderr
     out = run(files, "--rig", files / "rig.bvh", "-o", files / "rig.bvh", code=2).stderr
     assert "rig.bvh" in out
     assert "lie along one axis" in run(files, "--up", "z", "--forward", "-z", code=2).stderr
