@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from .checking import bones, ground, jumps, rate, rest, sides, still, values
+from .checking import bones, ground, jumps, rate, rest, sides, still, upright, values
 from .checking.body import Body
 from .checking.finding import KINDS, Finding, spans
 from .clip import Clip
@@ -42,6 +42,8 @@ def check(clip: Clip) -> list[Finding]:
     if bad.any():
         clip = values.filled(clip, bad)
     body = Body(clip)
+    if lying := upright.findings(body):
+        return lying + lost  # nothing else can be told by it
     found = _of_frames(body, lost)
     start, stop = _calm(len(clip), found)
     if stop - start < len(clip):

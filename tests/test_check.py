@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import synthetic
 
-from motion import quat, resample, sources
+from motion import axes, quat, resample, sources
 from motion.check import KINDS, Finding, check, good_spans
 from motion.checking import finding, jumps, rate
 from motion.checking.body import Body
@@ -46,6 +46,22 @@ def only(clip, kind, start, stop, *, slack=1, fatal=True):
     assert abs(found.start - start) <= slack and abs(found.stop - stop) <= slack, found
     assert found.fatal is fatal, found
     return found
+
+
+@pytest.mark.parametrize("axis", ["x", "z", "-x", "-y", "-z"])
+def test_another_axis_than_y_points_up(axis):
+    upright = synthetic.walk("walker", turn=synthetic.weave, fps=60)
+    forward = "z" if axis[-1] != "z" else "x"
+    for hand in ("right", "left"):
+        clip = axes.convert(upright, up=axis, forward=forward, handedness=hand)
+        found = only(clip, "axes", 0, len(clip))
+        assert f"along {axis}, not along y" in found.what
+
+
+def test_who_lies_still_or_hangs_is_upright_for_all_we_know():
+    clip = synthetic.walk("stander", speed=0.0, fps=60)
+    lying = axes.convert(clip, up="z", forward="-y")
+    assert "axes" not in {f.kind for f in check(lying)}
 
 
 # Clean motion

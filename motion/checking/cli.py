@@ -58,11 +58,9 @@ def check(
     """Find what is wrong with the captures in FILES (folders are searched).
 
     Bodies that jump, float or sink, joints that flip, limbs that stretch, frames that froze or repeat, rest
-    poses amid the motion, swapped sides, wrong frame rates, values that are no numbers. Some findings are to
-    be left out, others are remarks. --trim writes the spans of each clip that remain, as NAME_0.bvh,
-    NAME_1.bvh and so on, at the rate of --fps if given.
-
-    Rules of a clips.toml in the folders searched are followed (see `mm build`).
+    poses amid the motion, swapped sides, wrong axes and frame rates, values that are no numbers. Some
+    findings are to be left out, others are remarks. --trim writes the spans of each clip that remain, as
+    NAME_0.bvh, NAME_1.bvh and so on, at the rate of --fps if given.
 
     Exit code: 0 if nothing was found, 1 if something was (with --trim: 0, if all could be read), 2 for wrong
     usage.

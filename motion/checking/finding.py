@@ -30,6 +30,7 @@ class Finding:
 
 KINDS = {
     "not finite": "values that are no numbers, or beyond any size",
+    "axes": "another axis than y points up",
     "rate": "speeds, step times or falls that no body has: the frame rate is wrong",
     "sides": "left and right, or front and back, are swapped",
     "ground": "the clip stands far below or above y = 0, or parts of it under its own ground",
