@@ -51,6 +51,8 @@ def _choices() -> str:
 def split(path: str | os.PathLike[str]) -> tuple[Path, str | None]:
     """A clip's file, and its animation where the path names one behind ``#``, as ``hero.glb#Walk`` does."""
     address = _ADDRESS.fullmatch(os.fspath(path))
+    if address is not None and kind(path) == "file":  # whose own name reads so
+        address = None
     return (Path(path), None) if address is None else (Path(address[1]), address[2])
 
 

@@ -110,6 +110,14 @@ def test_find(tree):
     assert sources.find([tree / ".trash"]) == [tree / ".trash" / "e.bvh"]  # asked for by name
 
 
+def test_a_file_whose_name_reads_like_an_animation_is_that_file(tree):
+    odd = tree / "empty" / "hero.glb#Walk.bvh"
+    assert sources.split(odd) == (tree / "empty" / "hero.glb", "Walk.bvh")
+    shutil.copy(tree / "b.bvh", odd)
+    assert sources.find([tree / "empty"]) == [odd]
+    assert len(sources.load(odd)) == 3
+
+
 @pytest.mark.parametrize(
     ("names", "message"),
     [
