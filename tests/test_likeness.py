@@ -416,7 +416,7 @@ def test_the_command_gives_json(folders):
     [
         (("{base}/nothing", "{base}/plain"), "no such file or folder"),
         (("{base}/plain", "{base}/standing"), "the two have no move in common"),
-        (("{base}/plain", "{base}/wide", "--only", "swim"), "the two have no move in common"),
+        (("{base}/plain", "{base}/wide", "--only", "swim"), "no move 'swim'; the two have"),
         (("{base}/plain", "{base}/wide", "-o", "{base}/plain/walk0.bvh"), "cannot write: it is a file"),
         (("{base}/plain", "{base}/wide", "--exclude", "nobody"), "no clip to exclude is named like 'nobody'"),
         (("{base}/plain",), "Missing argument"),

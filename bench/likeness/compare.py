@@ -160,6 +160,12 @@ def compare(
         if not any(_matches(paths, pattern) for paths in (a, b)):
             sources.find([*a, *b], exclude=[pattern])  # says which clips there are
     sides = [_read(paths, exclude, notes, progress) for paths in (a, b)]
+    for name in only or ():
+        if not any(name in (move, move.split()[0]) for side in sides for move in side.passages):
+            there = sorted({move for side in sides for move in side.passages}, key=moves.order)
+            raise UserError(
+                f"no move {name!r}", remedy=f"the two have {', '.join(there) or 'none with a name'}"
+            )
     for side in sides:
         if only:
             side.passages = {
