@@ -40,7 +40,7 @@ def dancecard(output: str, minutes: float, seed: int, no_labels: bool, as_json: 
     from .dancecard import labels as label_files
 
     folder = Path(output)
-    if folder.exists() and not folder.is_dir():
+    if files.kind(folder) not in ("folder", None):
         raise UserError("not a folder", path=folder, remedy="name a folder to write to")
     files.check_output(folder / "tags.csv")
     rows: list[dict[str, Any]] = []

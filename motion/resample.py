@@ -74,9 +74,10 @@ def crop(clip: Clip, start: int = 0, stop: int | None = None) -> Clip:
     stop = len(clip) if stop is None else stop
     if not 0 <= start < stop <= len(clip):
         raise UserError(
-            f"cannot crop {clip.name} to frames {start} to {stop}",
+            f"cannot crop {clip.name} to frames {start} to {stop}: it has {len(clip)} frames, "
+            f"{clip.seconds:.2f} s",
             path=clip.source,
-            remedy=f"it has {len(clip)} frames, {clip.seconds:.2f} s",
+            remedy="start within the clip and stop after that",
         )
     return clip.replace(positions=clip.positions[start:stop], rotations=clip.rotations[start:stop])
 

@@ -426,6 +426,8 @@ class TestCommand:
         (tmp_path / "d").write_text("")
         result = CliRunner().invoke(main, ["dancecard", "-o", str(tmp_path / "d")])
         assert result.exit_code == 2 and "not a folder" in result.stderr
+        result = CliRunner().invoke(main, ["dancecard", "-o", str(tmp_path / ("d" * 300))])
+        assert result.exit_code == 2 and result.stderr.endswith("check the path and its permissions\n")
 
 
 def rms_jerk(at: Array, fps: float) -> float:

@@ -53,6 +53,7 @@ def fetch(
     there and unchanged is not downloaded again; what was cut is continued. The folder's fetched.json says
     what came from where, with checksums. Proxies are taken from https_proxy and http_proxy.
     """
+    from .. import files
     from . import fetch as fetching
     from . import registry as registries
     from .download import AGAIN, Patience
@@ -69,7 +70,7 @@ def fetch(
         return
     for line in _terms(chosen):
         click.echo(line, err=True)
-    if elsewhere is not None and not Path(elsewhere).is_dir():
+    if elsewhere is not None and files.kind(elsewhere) != "folder":
         raise UserError("no such folder", path=elsewhere, remedy="give the folder of the downloaded files")
     folder = Path(output) if output is not None else Path("data") / chosen.name
     try:
