@@ -340,9 +340,20 @@ def anatomy_like(skeleton: Skeleton, source: Anatomy) -> Anatomy:
 
 def _pairs(old: Skeleton, new: Skeleton) -> dict[int, int]:
     """Target's joint to source's joint, by roles that both have."""
-    parts = [role for role in TORSO if role != "neck"]
+    parts = [role for role in _marks(old, new) if role != "neck"]
     parts += [f"{side}_{part}" for side in SIDES for part in (*LEG, *ARM)]
     return {new.roles[role]: old.roles[role] for role in parts if role in new.roles and role in old.roles}
+
+
+def _marks(old: Skeleton, new: Skeleton) -> list[str]:
+    """Roles of the torso that both have, from the hips up. Of roles that share a joint on either, as neck and
+    head do where the neck is the last, the more telling one."""
+    marks: list[str] = []
+    for role in sorted(TORSO, key=("hips", "head", "chest", "neck").index):
+        known = all(role in body.roles for body in (old, new))
+        if known and not any(body.roles[role] == body.roles[m] for m in marks for body in (old, new)):
+            marks.append(role)
+    return sorted(marks, key=TORSO.index)
 
 
 def turn(source: Anatomy, s: int, target: Anatomy, t: int) -> Array:
@@ -353,8 +364,7 @@ def turn(source: Anatomy, s: int, target: Anatomy, t: int) -> Array:
 def _spread_torso(source: Anatomy, target: Anatomy, entries: dict) -> None:
     """Spine and neck: joints between those that both have take the mean turn of the stretch they cover."""
     old, new = source.skeleton, target.skeleton
-    marks = [role for role in TORSO if role in old.roles and role in new.roles]
-    for low, high in itertools.pairwise(marks):
+    for low, high in itertools.pairwise(_marks(old, new)):
         theirs = _stretch(source, low, high)
         ours = _stretch(target, low, high)
         # Hips and chest bear limbs, so they turn as the source's do; a neck only bends.

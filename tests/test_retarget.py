@@ -318,3 +318,17 @@ def test_one_performance_on_two_skeletons(data, name):
     assert max(apart[f"{side}_{part}"] for side in ("left", "right") for part in ("up_leg", "leg")) < 9
     # That program kept angles to the rest pose, in which Daz's forearms point 17 degrees ahead.
     assert max(apart[f"{side}_forearm"] for side in ("left", "right")) < 22
+
+
+@pytest.mark.parametrize(("keep", "lost"), [("head", "neck"), ("hips", "chest"), ("chest", "neck")])
+def test_a_joint_may_play_two_roles_of_the_torso(keep, lost):
+    """Rigs without a head, a spine or a neck: the first of the two tells how the joint turns."""
+    whole = synthetic.skeleton()
+    poor = whole.with_roles({**whole.roles, lost: whole.roles[keep]})
+    clip = synthetic.walk()
+    for source, target in ((whole, poor), (poor, whole), (poor, poor)):
+        moved = retarget(clip.replace(skeleton=source), target, feet=False)
+        _, before = kinematics.forward(whole, clip.positions, clip.rotations)
+        _, after = kinematics.forward(whole, moved.positions, moved.rotations)
+        joint = whole.roles[keep]
+        np.testing.assert_allclose(np.abs(np.sum(before[:, joint] * after[:, joint], axis=-1)), 1, atol=1e-9)
