@@ -36,13 +36,18 @@ def dancecard(output: str, minutes: float, seed: int, no_labels: bool, as_json: 
     motion matching crouches where it is asked to, and nowhere else.
     """
     from . import bvh, files
-    from .dancecard import FPS, GAITS, dances
+    from .dancecard import FPS, GAITS, dances, names
     from .dancecard import labels as label_files
 
     folder = Path(output)
     if files.kind(folder) not in ("folder", None):
         raise UserError("not a folder", path=folder, remedy="name a folder to write to")
     files.check_output(folder / "tags.csv")
+    known = set(names(60 * minutes, seed=seed))
+    others = sorted(path.name for path in folder.glob("*.bvh") if path.stem not in known)
+    if others:
+        what = f"holds other clips, such as {others[0]}"
+        raise UserError(what, path=folder, remedy="name an empty folder")
     rows: list[dict[str, Any]] = []
     tags: list[str] = []
     spent = 0.0

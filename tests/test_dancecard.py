@@ -14,7 +14,19 @@ from numpy.typing import NDArray
 
 from motion import contacts, kinematics, quat, resample, roles, sources
 from motion.cli import main
-from motion.dancecard import CONTACTS, FIGURE, GAITS, Move, Passage, Style, dances, figure, generate, perform
+from motion.dancecard import (
+    CONTACTS,
+    FIGURE,
+    GAITS,
+    Move,
+    Passage,
+    Style,
+    dances,
+    figure,
+    generate,
+    names,
+    perform,
+)
 from motion.dancecard.curves import hermite, travel
 
 Array = NDArray[np.float64]
@@ -97,6 +109,10 @@ class TestGenerate:
     def test_refuses_lengths_that_are_none(self, seconds: float) -> None:
         with pytest.raises(ValueError, match="positive"):
             next(dances(seconds))
+
+    @pytest.mark.parametrize("seconds", [10.0, 31.0, 65.0, 600.0])
+    def test_names_are_those_danced(self, seconds: float) -> None:
+        assert names(seconds, seed=2) == [p.name for p in generate(seconds, seed=2)]
 
     def test_a_single_frame(self) -> None:
         (passage,) = generate(1 / 60)
@@ -415,6 +431,12 @@ class TestCommand:
     def test_the_folder_is_a_source_of_clips_only(self, tmp_path: Path) -> None:
         CliRunner().invoke(main, ["dancecard", "-o", str(tmp_path), "--minutes", "0.1"])
         assert [path.name for path in sources.find([tmp_path])] == ["walk-straight.bvh"]
+
+    def test_other_clips_in_the_folder_are_not_mixed_with_new_ones(self, tmp_path: Path) -> None:
+        for minutes, code in (("0.6", 0), ("0.6", 0), ("0.1", 2), ("0.7", 0)):
+            result = CliRunner().invoke(main, ["dancecard", "-o", str(tmp_path), "--minutes", minutes])
+            assert result.exit_code == code, result.output
+            assert ("other clips, such as walk-curves.bvh" in result.stderr) == (code == 2)
 
     @pytest.mark.parametrize("arguments", [["--minutes", "0"], ["--minutes", "x"], ["--seed", "-1"], []])
     def test_bad_options(self, arguments: list[str], tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from .card import passages
 from .dance import FPS, Passage, perform
 from .figure import FIGURE
 from .labels import CONTACTS, GAITS, Labels
-from .path import Move
+from .path import Move, length
 from .style import Style
 
 __all__ = [
@@ -30,6 +30,7 @@ __all__ = [
     "Style",
     "dances",
     "generate",
+    "names",
     "perform",
 ]
 
@@ -50,13 +51,24 @@ def dances(seconds: float = SECONDS, *, seed: int = 0) -> Iterator[Passage]:
     if not 0 < seconds < np.inf:
         raise ValueError(f"{seconds} seconds: expected a positive number")
     left = max(1, round(seconds * FPS))
-    for number, (name, moves) in enumerate(passages(np.random.default_rng([seed, 0]))):
+    for number, (name, moves) in enumerate(_card(left, seed)):
         rng = np.random.default_rng([seed, 1, number])
         passage = perform(moves, name=name, style=Style.random(rng), rng=rng)
-        passage = _first(passage, left)
-        yield passage
+        yield _first(passage, left)
         left -= len(passage.clip)
-        if left <= 0:
+
+
+def names(seconds: float = SECONDS, *, seed: int = 0) -> list[str]:
+    """The names of the passages of `dances`, without dancing."""
+    return [name for name, _ in _card(max(1, round(seconds * FPS)), seed)]
+
+
+def _card(frames: int, seed: int) -> Iterator[tuple[str, list[Move]]]:
+    """Name and moves of the passages that fill a number of frames."""
+    for name, moves in passages(np.random.default_rng([seed, 0])):
+        yield name, moves
+        frames -= length(moves, FPS)
+        if frames <= 0:
             return
 
 

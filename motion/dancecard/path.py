@@ -74,10 +74,14 @@ class Path:
         return np.hypot(self.ahead, self.left)
 
 
+def length(moves: Sequence[Move], fps: float) -> int:
+    """Frames that moves take."""
+    return max(2, round(sum(move.seconds for move in moves) * fps))
+
+
 def plan(moves: Sequence[Move], fps: float) -> Path:
     """The way that follows moves one after the other, beginning at the origin, standing, facing +Z."""
-    length = sum(move.seconds for move in moves)
-    time = np.arange(max(2, round(length * fps))) / fps
+    time = np.arange(length(moves, fps)) / fps
     begins = np.cumsum([0.0, *(move.seconds for move in moves)])[:-1]
     heading = _headings(moves, begins, time)
     ahead, left, running, crouching = (np.zeros_like(time) for _ in range(4))
