@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,8 +17,6 @@ from motion.errors import UserError
 if TYPE_CHECKING:
     from mm.database import Database
 
-OF_CLIPS = ("skeleton", "roles_only", "clips", "roles", "source_fps", "source_unit", "tags", "folder_tags")
-"""Options that mean nothing for a database."""
 CLIPS = (".bvh", ".amc", ".asf", ".npz", ".gltf", ".glb")
 
 
@@ -357,16 +355,25 @@ def open_database(
     names = ", ".join(sources)
     first = Path(sources[0])
     if len(sources) == 1 and files.kind(first) == "file" and first.suffix.lower() not in CLIPS:
-        for name in (*OF_CLIPS, "exclude"):
-            if chosen.get(name):
-                flag = "--" + name.replace("_", "-")
-                raise UserError("this database is built already", path=first, remedy=f"leave out {flag}")
+        for flag in _given(set(chosen) - {"jobs"}):
+            raise UserError("this database is built already", path=first, remedy=f"leave out {flag}")
         return _load(sources[0]), names
     database = building.build(sources, **chosen, note=_note, progress=console.progress)
     if output is not None:
         database.save(output)
         return _load(str(output)), names
     return database, names
+
+
+def _given(names: set[str]) -> Iterator[str]:
+    """The flags of options of these names that stand on the command line."""
+    context = click.get_current_context()
+    for option in context.command.params:
+        if option.name in names:
+            source = context.get_parameter_source(option.name)
+            if source is click.core.ParameterSource.COMMANDLINE:
+                off = option.secondary_opts and context.params[option.name] is False
+                yield (option.secondary_opts if off else option.opts)[0]
 
 
 def _check_outputs(folder: Path, names: Iterable[str]) -> None:

@@ -112,6 +112,8 @@ BAD = {
     "no characters": (("crowd", "{db}", "--counts", "0"), "not in the range 1<=x"),
     "nothing listed": (("compare", "{db}", "--courses", ","), "an empty list"),
     "a skeleton for a database": (("compare", "{db}", "--skeleton", "dancecard"), "leave out --skeleton"),
+    "a rate for a database": (("coverage", "{db}", "--fps", "30"), "leave out --fps"),
+    "no mirroring for a database": (("compare", "{db}", "--no-mirror"), "leave out --no-mirror"),
     "rules for a database": (("coverage", "{db}", "--clips", "{text}"), "leave out --clips"),
     "excluded from a database": (("compare", "{db}", "--exclude", "run"), "is built already"),
     "no BVH": (("reading", "{no}"), "no such file"),
