@@ -55,15 +55,15 @@ def info(
     cosines between where the hips face, and their left, and where they go; net_turn_deg is positive to the
     left.
     """
-    from . import axes
     from .statistics import statistics
 
-    up, forward, handedness = options.system(source_up, source_forward, source_handedness)
+    system = source_up, source_forward, source_handedness
     rows = []
-    for path, clip in options.clips(files, label="reading", fps=fps, unit_to_m=source_unit, roles=roles):
-        ours = axes.convert(clip, up=up, forward=forward, handedness=handedness, inverse=True)
+    for path, clip in options.clips(
+        files, label="reading", fps=fps, unit_to_m=source_unit, axes=system, roles=roles
+    ):
         with options.about(path):
-            rows.append({"file": str(path), **statistics(ours)})
+            rows.append({"file": str(path), **statistics(clip)})
     if as_json:
         console.print_json([{key: _rounded(value) for key, value in row.items()} for row in rows])
     else:
@@ -97,7 +97,6 @@ def show_roles(file: str, roles: str | None, as_json: bool) -> None:
 class Changes:
     """What `convert` does to each clip, in this order."""
 
-    source_axes: tuple[str, str, str]
     keep_lead_in: bool
     start: float | None
     stop: float | None
@@ -108,12 +107,17 @@ class Changes:
     mirror: bool
     axes: tuple[str, str, str]
 
+    def drops_lead_in(self, clip: Clip) -> bool:
+        """Whether first frames are left out, for they are a rest pose."""
+        from .leadin import lead_in
+
+        whole = self.start is None and self.stop is None
+        return whole and not self.keep_lead_in and lead_in(clip) > 0
+
     def apply(self, clip: Clip) -> Clip:
         """The changed clip."""
         from . import axes, leadin, mirror, resample, root, subset
 
-        up, forward, handedness = self.source_axes
-        clip = axes.convert(clip, up=up, forward=forward, handedness=handedness, inverse=True)
         if self.start is not None or self.stop is not None:
             last = len(clip) if self.stop is None else min(round(self.stop * clip.fps), len(clip))
             clip = resample.crop(clip, round((self.start or 0) * clip.fps), last)
@@ -200,7 +204,6 @@ def convert(
     target = str(target or output)
     pairs = writers.targets(Path(source), Path(target), form=form, others=(roles, fit))
     changes = Changes(
-        source_axes=options.system(source_up, source_forward, source_handedness),
         keep_lead_in=keep_lead_in,
         start=start,
         stop=stop,
@@ -212,12 +215,25 @@ def convert(
         axes=options.system(up, forward, handedness),
     )
     clips = options.clips(
-        tuple(map(str, pairs)), label="converting", fps=source_fps, unit_to_m=source_unit, roles=roles
+        tuple(map(str, pairs)),
+        roots=(source,),
+        label="converting",
+        fps=source_fps,
+        unit_to_m=source_unit,
+        axes=(source_up, source_forward, source_handedness),
+        roles=roles,
     )
+    cut = 0
     for path, clip in clips:
         with options.about(path):
+            cut += changes.drops_lead_in(clip)
             changed = changes.apply(clip)
         writers.write(pairs[path], changed, unit_to_m=unit, axes=changes.axes)
+    if cut:
+        what = (
+            f"{cut} of {len(pairs)} files begin with a rest pose that is no capture; its frames are left out"
+        )
+        click.echo(f"note: {what} (--keep-lead-in keeps them)", err=True)
     click.echo(f"wrote {len(pairs)} file{'s' * (len(pairs) != 1)} to {target}", err=True)
 
 

@@ -118,18 +118,34 @@ def clips(
     files: tuple[str, ...],
     *,
     label: str,
+    roots: tuple[str, ...] | None = None,
     fps: float | None = None,
     unit_to_m: float | None = None,
+    axes: tuple[str, str | None, str] = ("y", None, "right"),
     roles: str | None = None,
 ) -> Iterator[tuple[Path, Clip]]:
-    """The clips of files and folders, with a progress bar, roles from a file if given."""
-    from . import roles as role_files
-    from . import sources
+    """The clips of files and folders in our axes, with a progress bar.
 
-    overrides = {} if roles is None else role_files.load_overrides(roles)
-    for path in console.progress(sources.find(files), label=label, unit="files"):
-        clip = sources.load(path, fps=fps, unit_to_m=unit_to_m)
-        yield path, clip.replace(skeleton=role_files.apply(clip.skeleton, overrides)) if overrides else clip
+    What is said here of all of them gives way to the rules of a clips.toml in the folders searched (of roots,
+    where files were found in them before). forward None is what up tells.
+    """
+    from . import facts, sources
+
+    up, forward, handedness = axes
+    told = facts.Facts(
+        fps=fps,
+        unit=unit_to_m,
+        up=up,  # type: ignore[arg-type]
+        forward=forward,  # type: ignore[arg-type]
+        handedness=handedness,  # type: ignore[arg-type]
+        roles=None if roles is None else Path(roles),
+    )
+    paths = sources.find(files)
+    book = facts.book(paths, roots or files, common=told)
+    for note in book.notes:
+        click.echo(f"note: {note}", err=True)
+    for path in console.progress(paths, label=label, unit="files"):
+        yield path, facts.read(path, book.of(path))
 
 
 def system(up: str, forward: str | None, handedness: str) -> tuple[str, str, str]:

@@ -58,23 +58,27 @@ def retarget(
     the skeletons stand, so FILE had better hold some walking, or begin with a T-pose. What is written has
     the unit and the axes of FILE (an .npz file: metres).
     """
-    from . import anatomy, axes, leadin, writers
+    from . import anatomy, leadin, writers
     from . import retarget as retargeting
 
     others = (rig, roles, to_roles)
     pairs = _pairs(sources, Path(output), others)
-    system = options.system(source_up, source_forward, source_handedness)
-    convention = axes.Convention(up=system[0], forward=system[1], handedness=system[2])
+    system = source_up, source_forward, source_handedness
     model, theirs = options.model(rig, **to_file, roles=to_roles)
     with options.about(Path(rig)):
         target = anatomy.anatomy(model.skeleton, [model])
     found, paths = [], []
     for path, clip in options.clips(
-        tuple(map(str, pairs)), label="reading", fps=source_fps, unit_to_m=source_unit, roles=roles
+        tuple(map(str, pairs)),
+        roots=sources,
+        label="reading",
+        fps=source_fps,
+        unit_to_m=source_unit,
+        axes=system,
+        roles=roles,
     ):
-        ours = convention.clip_from(clip)
         paths.append(path)
-        found.append(ours if keep_lead_in else leadin.without_lead_in(ours))
+        found.append(clip if keep_lead_in else leadin.without_lead_in(clip))
     for path, clip in zip(paths, found, strict=True):
         with options.about(path):
             anatomy.require_roles(clip.skeleton)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from motion import cli, kinematics, sources
+from motion import axes, bvh, cli, dancecard, kinematics, quat, sources
 
 EXAMPLES = ["info", "roles", "convert"]
 
@@ -200,3 +200,31 @@ def test_two_files_are_not_written_into_one(run, data, tmp_path):
 def test_every_command_has_help_with_an_example(run, command):
     code, out, _ = run(command, "--help")
     assert code == 0 and f"Example: python -m motion {command}" in out
+
+
+def test_rules_about_clips_are_followed_by_every_command_that_reads(run, tmp_path, walker):
+    folder = tmp_path / "clips"
+    (folder / "old").mkdir(parents=True)
+    turned = axes.convert(walker, up="z", forward="-y")
+    bvh.write(folder / "old" / "walk.bvh", turned, unit_to_m=0.0254)
+    (folder / "clips.toml").write_text('[[clips]]\nfiles = "old/*"\nunit = "inch"\nup = "z"\nfps = 30\n')
+    told = json.loads(run("info", folder, "--json")[1])[0]
+    assert told["fps"] == 30 and told["hip_height_m"] == pytest.approx(0.87, abs=0.05)
+    run("convert", folder, "-o", tmp_path / "out", "--unit", "m")
+    clip = sources.load(tmp_path / "out" / "old" / "walk.bvh")
+    np.testing.assert_allclose(clip.positions[:, 0], walker.positions[:, 0], atol=1e-5)
+    run("retarget", folder, "--to", tmp_path / "out" / "old" / "walk.bvh", "-o", tmp_path / "r")
+    moved = sources.load(tmp_path / "r" / "old" / "walk.bvh")
+    np.testing.assert_allclose(moved.positions[:, 0], walker.positions[:, 0], atol=0.03)
+
+
+def test_convert_says_that_it_leaves_out_a_rest_pose(run, tmp_path):
+    clip = dancecard.generate(3)[0].clip
+    rotations = np.concatenate([quat.identity(1, len(clip.skeleton)), clip.rotations])
+    positions = np.concatenate([clip.positions[:1], clip.positions])
+    bvh.write(tmp_path / "t.bvh", clip.replace(rotations=rotations, positions=positions))
+    done = run("convert", tmp_path / "t.bvh", "-o", tmp_path / "out.bvh")
+    kept = run("convert", tmp_path / "t.bvh", "-o", tmp_path / "all.bvh", "--keep-lead-in")
+    frames = [len(sources.load(tmp_path / f"{name}.bvh")) for name in ("out", "all")]
+    assert frames == [len(clip), len(clip) + 1]
+    assert "1 of 1 files begin with a rest pose" in done[2] and "rest pose" not in kept[2]
