@@ -32,12 +32,12 @@ def _arm(drive: Array, sign: float, idle: Array, rhythm: Rhythm, style: Style) -
     walking, running = np.radians(3 + 19 * drive), np.radians(-21 + 25 * drive)
     flexion = walking + run * (running - walking) + np.radians(12 * crouch) + 0.25 * rhythm.lean_ahead
     flexion = flexion + 0.025 * idle[:, 0] + 0.0035 * rhythm.tremble[:, 0 if sign > 0 else 1]
-    hanging = np.radians(23 + style.elbow + 12 * drive * (1 - rhythm.stand))
+    hanging = np.radians(26 + style.elbow + 15 * drive * (1 - rhythm.stand))
     bent = np.radians(94 + 14 * np.clip(drive, -1.2, 1.2))
     elbow = hanging + run * (bent - hanging) + np.radians(28 * crouch) + 0.02 * idle[:, 1]
     elbow = elbow + 0.006 * rhythm.tremble[:, 2 if sign > 0 else 3]
-    out = np.radians(style.arm_out + 3 + 7 * run + 4 * crouch)
-    inward = np.radians(12 + 8 * run + 10 * np.maximum(drive, 0) * (1 - run))
+    out = np.radians(style.arm_out + 2 - 1 * run + 4 * crouch)
+    inward = np.radians(10 - 6 * run + 10 * np.maximum(drive, 0) * (1 - run))
     # Out of the T-pose: turned about its length, down beside the body, then forward.
     upper = quat.mul(turns.z(-sign * (np.pi / 2 - out)), turns.x(inward))
     return {

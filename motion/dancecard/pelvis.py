@@ -49,7 +49,7 @@ def _turned(path: Path, left: Foot, right: Foot, rhythm: Rhythm, style: Style) -
     """Rotation [T, 4] in the world; the hip of the leg that is ahead goes ahead."""
     twist = -TWIST * style.twist * rhythm.swing * (1 + 0.5 * rhythm.run)
     tilt = np.radians(2.0 + 5.0 * rhythm.run + 16.0 * rhythm.crouch) + 0.35 * rhythm.lean_ahead
-    tilt = tilt + np.radians(1.8 + rhythm.run) * nodding(left, right, path, rhythm)
+    tilt = tilt + np.radians(2.6 + 1.4 * rhythm.run) * nodding(left, right, path, rhythm)
     yaw = path.heading + twist + 0.012 * rhythm.idle[:, 3] * rhythm.stand
     roll = turns.z(drop(path, rhythm) - 0.4 * rhythm.lean_left)
     return quat.mul(turns.y(yaw), quat.mul(roll, turns.x(tilt + 0.006 * rhythm.idle[:, 2])))

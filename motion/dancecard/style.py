@@ -16,7 +16,7 @@ class Style:
     toe_out: float = 7.0
     arm_swing: float = 1.0
     elbow: float = 0.0  # added to the flexion
-    arm_out: float = 9.0  # abduction of hanging arms
+    arm_out: float = 6.5  # abduction of hanging arms
     lean: float = 0.0  # of the trunk, forward
     bounce: float = 1.0
     sway: float = 1.0
@@ -39,7 +39,7 @@ class Style:
             toe_out=about(7.0, 2.5),
             arm_swing=about(1.0, 0.18),
             elbow=about(0.0, 5.0),
-            arm_out=about(9.0, 2.0),
+            arm_out=about(6.5, 1.5),
             lean=about(0.0, 1.5),
             bounce=about(1.0, 0.12),
             sway=about(1.0, 0.15),
@@ -47,5 +47,5 @@ class Style:
             foot_lift=about(1.0, 0.08),
             head=about(0.0, 2.5),
             restless=about(1.0, 0.2),
-            asymmetry=about(0.0, 0.08),
+            asymmetry=about(0.0, 0.16),
         )
