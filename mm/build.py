@@ -102,13 +102,13 @@ def build(
         )
     schema = schema if isinstance(schema, Schema) else Schema.load(schema)
     rules = tagging.load(tags) if tags is not None else ()
-    common = facts.Facts(
+    common = facts.of_all(
         fps=source_fps,
         unit=source_unit,
-        up=source_up,  # type: ignore[arg-type]
-        forward=source_forward,  # type: ignore[arg-type]
-        handedness=source_handedness,  # type: ignore[arg-type]
-        roles=role_maps.load_overrides(roles) if isinstance(roles, str | os.PathLike) else dict(roles or {}),
+        up=source_up,
+        forward=source_forward,
+        handedness=source_handedness,
+        roles=roles,
     )
     files, book = _files(paths, exclude, clips, common, work)
     wanted = _wanted(skeleton, book)

@@ -93,6 +93,27 @@ class Facts:
         return Facts(**{**own, **rest})
 
 
+def of_all(
+    *,
+    fps: float | None = None,
+    unit: str | float | None = None,
+    up: str | None = None,
+    forward: str | None = None,
+    handedness: str | None = None,
+    roles: Mapping[str, str] | str | os.PathLike[str] | None = None,
+) -> Facts:
+    """Facts about all clips, as options give them; roles of a file are read."""
+    told = role_maps.load_overrides(roles) if isinstance(roles, str | os.PathLike) else dict(roles or {})
+    return Facts(
+        fps=fps,
+        unit=unit,
+        up=up,  # type: ignore[arg-type]
+        forward=forward,  # type: ignore[arg-type]
+        handedness=handedness,  # type: ignore[arg-type]
+        roles=told,
+    )
+
+
 @dataclass(frozen=True, kw_only=True)
 class Rule(Facts):
     """Facts about the clips whose name or path matches a shell pattern.

@@ -132,14 +132,7 @@ def clips(
     from . import facts, sources
 
     up, forward, handedness = axes
-    told = facts.Facts(
-        fps=fps,
-        unit=unit_to_m,
-        up=up,  # type: ignore[arg-type]
-        forward=forward,  # type: ignore[arg-type]
-        handedness=handedness,  # type: ignore[arg-type]
-        roles=None if roles is None else Path(roles),
-    )
+    told = facts.of_all(fps=fps, unit=unit_to_m, up=up, forward=forward, handedness=handedness, roles=roles)
     paths = sources.find(files)
     book = facts.book(paths, roots or files, common=told)
     for note in book.notes:

@@ -72,14 +72,8 @@ def check(
 
     if trim != (output is not None):
         raise click.UsageError("give --trim and -o FOLDER together")
-    told = facts.Facts(
-        fps=fps,
-        unit=source_unit,
-        up=source_up,  # type: ignore[arg-type]
-        forward=source_forward,  # type: ignore[arg-type]
-        handedness=source_handedness,  # type: ignore[arg-type]
-        roles=None if roles is None else Path(roles),
-    )
+    axis = {"up": source_up, "forward": source_forward, "handedness": source_handedness}
+    told = facts.of_all(fps=fps, unit=source_unit, **axis, roles=roles)
     paths = sources.find(files, exclude=exclude)
     book = facts.book(paths, files, common=told)
     paths = [path for path in paths if path not in book.excluded]
