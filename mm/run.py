@@ -9,7 +9,7 @@ import click
 
 from motion import console
 from motion.errors import UserError
-from motion.options import AXIS, FORWARD, HAND, ROLES, Length, about, model, rig_axes, system
+from motion.options import AXIS, FORWARD, HAND, ROLES, Length, about, model, rig_axes
 
 if TYPE_CHECKING:
     from motion.anatomy import Anatomy
@@ -92,7 +92,7 @@ def run(
         raise click.UsageError("--roles are those of the rig's joints: give --rig FILE too")
     if rig is None and rig_file != {"unit": None, "up": "y", "forward": None, "handedness": "right"}:
         raise click.UsageError("--rig-unit and --rig-up are about the rig's file: give --rig FILE too")
-    up, forward, handedness = system(up, forward, handedness)
+    up, forward, handedness = axes.system(up, forward, handedness)
     convention = axes.Convention(up=up, forward=forward, handedness=handedness)
     _check_outputs((output, tape), (db, options["settings"], rig, roles), options["course_name"])
     form = output and writers.suffix_of(Path(output))

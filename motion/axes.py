@@ -158,6 +158,13 @@ def basis(up: str, forward: str, handedness: str = "right") -> NDArray[np.float6
     return np.stack([left, above, ahead], axis=-1)
 
 
+def system(up: str, forward: str | None, handedness: str) -> tuple[str, str, str]:
+    """Axes that belong together; forward, where it is not told, is z, or -y where z is up."""
+    forward = forward or ("-y" if up.endswith("z") else "z")
+    basis(up, forward, handedness)
+    return up, forward, handedness
+
+
 def _axis(name: str) -> NDArray[np.float64]:
     plain = name.lower().removeprefix("+")
     if plain not in AXES:

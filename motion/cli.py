@@ -195,6 +195,7 @@ def convert(
     named as hero.glb#Walk; all of them go into a folder. Each file is written whole or not at all.
     """
     from . import writers
+    from .axes import system
 
     if (target is None) == (output is None):
         raise click.UsageError("give one place to write to, as OUT or with -o")
@@ -212,7 +213,7 @@ def convert(
         fps=fps,
         ground=ground,
         mirror=mirror,
-        axes=options.system(up, forward, handedness),
+        axes=system(up, forward, handedness),
     )
     clips = options.clips(
         tuple(map(str, pairs)),

@@ -24,10 +24,11 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Literal
 
-from . import axes, config, files, options, sources
+from . import axes, config, files, sources
 from . import roles as role_maps
 from .clip import Clip
 from .errors import UserError
+from .lengths import LENGTHS
 
 NAME = "clips.toml"  # of the file of rules that lies in a folder of clips
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
@@ -41,7 +42,7 @@ class Facts:
     Attributes
     ----------
     fps : its frames per second.
-    unit : its unit of length, a name of `motion.options.LENGTHS` or metres.
+    unit : its unit of length, a name of `motion.lengths.LENGTHS` or metres.
     up, forward, handedness : its axes.
     roles : role to joint name, over the roles guessed; in files also a roles file's path.
     start, stop : the first frame to use and one past the last, frames as read.
@@ -66,18 +67,16 @@ class Facts:
             raise config.ConfigError(
                 "fps", f"{self.fps:g} frames per second", remedy="give a positive number"
             )
-        if isinstance(self.unit, str) and self.unit not in options.LENGTHS:
+        if isinstance(self.unit, str) and self.unit not in LENGTHS:
             what = f"{config.shown(self.unit)} is no unit"
-            raise config.ConfigError(
-                "unit", what, remedy=f"give {', '.join(options.LENGTHS)} or metres a unit"
-            )
+            raise config.ConfigError("unit", what, remedy=f"give {', '.join(LENGTHS)} or metres a unit")
         if isinstance(self.unit, float) and not 0 < self.unit < math.inf:
             raise config.ConfigError("unit", f"{self.unit:g} metres", remedy="give a positive number")
         if min(self.start or 0, self.stop or 0) < 0 or (self.start or 0) >= (self.stop or math.inf):
             key = "start" if self.stop is None else "stop"
             raise config.ConfigError(key, f"frames {self.start or 0} to {self.stop or 'the end'} are none")
         try:
-            options.system(*self.axes)
+            axes.system(*self.axes)
         except UserError as error:
             raise config.ConfigError("up", error.what, remedy=error.remedy) from error
 
@@ -233,7 +232,7 @@ def read(path: str | os.PathLike[str], facts: Facts) -> Clip:
 
     Frames to start and stop at that the file does not have are a UserError, too.
     """
-    unit = options.LENGTHS[facts.unit] if isinstance(facts.unit, str) else facts.unit
+    unit = LENGTHS[facts.unit] if isinstance(facts.unit, str) else facts.unit
     clip = sources.load(path, fps=facts.fps, unit_to_m=unit)
     if facts.roles:
         told = facts.roles if isinstance(facts.roles, dict) else role_maps.load_overrides(facts.roles)
@@ -244,7 +243,7 @@ def read(path: str | os.PathLike[str], facts: Facts) -> Clip:
     if max((facts.start or 0) + 1, facts.stop or 0) > len(clip):
         what = f"frames {facts.start or 0} to {facts.stop or 'the end'} of a clip of {len(clip)}"
         raise UserError(what, path=path, remedy="correct start and stop in the file of rules")
-    up, forward, handedness = options.system(*facts.axes)
+    up, forward, handedness = axes.system(*facts.axes)
     if (up, forward, handedness) == ("y", "z", "right"):
         return clip
     return axes.convert(clip, up=up, forward=forward, handedness=handedness, inverse=True)

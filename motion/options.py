@@ -12,13 +12,11 @@ import click
 
 from . import console
 from .errors import UserError
+from .lengths import LENGTHS
 
 if TYPE_CHECKING:
     from .axes import Convention
     from .clip import Clip
-
-LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254, "foot": 0.3048}
-"""Metres in a unit of length, by the name that options take."""
 
 
 class Length(click.ParamType):
@@ -103,7 +101,7 @@ def model(
 
     Of several animations, which share their skeleton, the first. A folder is a UserError.
     """
-    from .axes import Convention
+    from .axes import Convention, system
     from .files import kind
 
     if kind(file) == "folder":
@@ -139,15 +137,6 @@ def clips(
         click.echo(f"note: {note}", err=True)
     for path in console.progress(paths, label=label, unit="files"):
         yield path, facts.read(path, book.of(path))
-
-
-def system(up: str, forward: str | None, handedness: str) -> tuple[str, str, str]:
-    """Axes that belong together, forward filled in."""
-    from . import axes
-
-    forward = forward or ("-y" if up.endswith("z") else "z")
-    axes.basis(up, forward, handedness)
-    return up, forward, handedness
 
 
 @contextlib.contextmanager

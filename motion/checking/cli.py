@@ -91,7 +91,7 @@ def check(
         good = good_spans(len(clip), found, minimum=least)
         reports.append(Report(path, len(clip), clip.fps, found, good))
         if targets is not None:
-            up, forward, handedness = options.system(*book.of(path).axes)
+            up, forward, handedness = axes.system(*book.of(path).axes)
             theirs = axes.convert(clip, up=up, forward=forward, handedness=handedness)
             for number, (start, stop) in enumerate(good):
                 bvh.write(targets.path(path, f"_{number}.bvh"), crop(theirs, start, stop))

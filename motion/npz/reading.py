@@ -16,6 +16,7 @@ from .. import axes, kinematics, quat, text, units
 from ..bvh import frame_rate
 from ..clip import Clip
 from ..errors import UserError
+from ..lengths import LENGTHS
 from ..skeleton import Skeleton, distinct, sort_topologically
 from . import directions, smpl
 from .archive import Archive
@@ -43,7 +44,6 @@ LOCAL_TURNS = {
 }
 WORLD_TURNS = dict.fromkeys("world_rotations global_rotations".split(), "")
 ORDER = "euler_order rotation_order order".split()
-LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254, "foot": 0.3048}
 NEEDED = (
     "needed are SMPL poses and trans; or parents and either positions [T, J, 3], or rotations with "
     "local_positions, positions, or offsets and root_positions; `pydoc motion.npz` lists the keys"
