@@ -6,6 +6,7 @@ import os
 from collections.abc import Generator
 from pathlib import Path
 
+import hypothesis
 import pytest
 import synthetic
 
@@ -13,6 +14,10 @@ from motion.clip import Clip
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 REQUIRE_DATA = os.environ.get("REQUIRE_DATA") == "1"
+
+# How long an example takes depends on what else the machine does.
+hypothesis.settings.register_profile("untimed", deadline=None)
+hypothesis.settings.load_profile("untimed")
 
 
 @pytest.fixture(scope="session")
