@@ -15,15 +15,15 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from mm import course as courses_
-from mm import recording, speeds
+from mm import quality, recording, speeds
 from mm.control import System
 from mm.course import Course
 from mm.database import Database
+from mm.driving import Again, Clock, Diverged
 from motion import console
 from motion.errors import UserError
 
-from . import quality, timing
-from .driving import Again, Clock, Diverged
+from . import timing
 from .systems import Entry, choose
 
 COURSES = ("thesis", "circle", "star", "start-stop", "turn-180", "strafe", "random")
@@ -190,7 +190,7 @@ def _chosen(systems: Sequence[str | Entry] | None, indexes: Sequence[str] | None
 class _Runs:
     """The runs of all systems over one course. What was done before is not done again.
 
-    Systems that go the same way are asked the same (see `bench.driving.Again`), and those that show the same
+    Systems that go the same way are asked the same (see `mm.driving.Again`), and those that show the same
     poses are judged once: exact indexes all find the same frames.
     """
 

@@ -18,16 +18,17 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from mm import metrics
 from mm.control import Command
 from mm.course import Course
 from mm.database import Database
+from mm.driving import Clock, at_data_speeds, drive
 from mm.settings import Settings
 from motion import files, quat, springs
 from motion.pose import Poses
 from motion.skeleton import Skeleton
 
-from . import metrics, plots
-from .driving import Clock, at_data_speeds, drive
+from . import plots
 
 Array = NDArray[np.floating]
 

@@ -12,12 +12,12 @@ from mm.control import System
 from mm.controller import Controller, build_index
 from mm.course import Course
 from mm.database import Database
+from mm.driving import Clock, at_data_speeds, drive
 from mm.settings import Settings
 from motion import console
 from motion.errors import UserError
 
 from . import timing
-from .driving import Clock, at_data_speeds, drive
 
 NEVER = 1e6  # seconds between searches, metres a second per second: none but at a clip's end
 

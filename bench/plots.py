@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from .quality import Trace
+from mm.quality import Trace
 
 INK = "#0f0e0d"  # stands for the page's text colour in what matplotlib draws
 COLOURS = ("#2e86ab", "#d1495b", "#3c9d57", "#e09f3e", "#8e5fbf", "#17a2a2", "#c86f98", "#8a8d3f", "#7a8288")

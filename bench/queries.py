@@ -15,11 +15,11 @@ from mm import course as courses
 from mm import search
 from mm.controller import Controller, build_index
 from mm.database import Database
+from mm.driving import Clock, at_data_speeds, drive
 from mm.settings import Settings
 from motion.errors import UserError
 
 from . import timing
-from .driving import Clock, at_data_speeds, drive
 
 CHARACTERS = 8
 SETTINGS = Settings(foot_lock=False)  # locking changes no query, and needs whole legs

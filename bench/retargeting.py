@@ -11,6 +11,7 @@ import numpy as np
 from mm import course as courses
 from mm.controller import Controller, build_index
 from mm.database import Database
+from mm.driving import at_data_speeds
 from mm.rigged import Rigged, of_database
 from mm.settings import Settings
 from motion import console, retarget, rig
@@ -20,7 +21,6 @@ from motion.retargeter import Retargeter
 from motion.roles import SIDES
 
 from . import crowd, timing
-from .driving import at_data_speeds
 
 # Longer thighs and shorter shins than the data's, so that feet have to be brought to the ground.
 _PROPORTIONS = {"leg": 1.06, "foot": 0.93}

@@ -69,7 +69,7 @@ def draw(
 
 
 def figure(trace: Any, *, views: tuple[str, ...] = ("side", "front"), feet: list[int] | None = None) -> Any:
-    """A matplotlib figure with one strip a view of a `bench.quality.Trace`."""
+    """A matplotlib figure with one strip a view of a `mm.quality.Trace`."""
     from matplotlib.figure import Figure
 
     picture = Figure(figsize=(11, 1.5 * len(views)))

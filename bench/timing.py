@@ -92,7 +92,7 @@ def frame_cost(
     warm: int = 30,
     repeats: int = 3,
 ) -> Cost:
-    """Time a system that gets the first so many commands of a `bench.driving.Clock` again, step after step.
+    """Time a system that gets the first so many commands of a `mm.driving.Clock` again, step after step.
 
     First whole steps, then stages, where the system tells them. searched [T]: which steps of the run that the
     clock drove made a search.

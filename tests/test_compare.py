@@ -10,8 +10,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bench import plots, quality, report, strips, systems, timing
+from bench import plots, report, strips, systems, timing
 from bench.compare import DATA, compare, memory_mb, natural_seconds
+from mm import quality
 from mm.build import build
 from mm.course import Circle, Course, VelocityKey, Waypoint, load
 from mm.driver import Driver

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bench import metrics
+from mm import metrics
 from motion import kinematics, quat
 
 FPS = 60.0

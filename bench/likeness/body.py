@@ -7,12 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mm import metrics
 from motion import contacts, kinematics, leadin, quat, resample, root
 from motion.clip import Clip
 from motion.errors import UserError
 from motion.skeleton import Skeleton
-
-from .. import metrics
 
 Array = NDArray[np.floating]
 

@@ -11,10 +11,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from mm import metrics
 from motion import sources
 from motion.errors import UserError
 
-from .. import metrics
 from . import measures, moves
 from .body import Body
 from .measures import Gauge

@@ -16,9 +16,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from mm import metrics
 from motion import kinematics, quat
 
-from .. import metrics
 from . import body as bodies
 from .body import Body
 from .moves import Passage

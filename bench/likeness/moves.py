@@ -87,7 +87,7 @@ def strikes(body: Body, side: str) -> NDArray[np.int64]:
     """
     from scipy.signal import find_peaks
 
-    from .. import metrics
+    from mm import metrics
 
     fps = body.fps
     speed = np.linalg.norm(body.velocity, axis=-1)
@@ -165,9 +165,8 @@ def _angles(body: Body, start: int, stop: int) -> Array:
 
 def _rates(body: Body) -> tuple[Array, Array]:
     """Speed [T], m/s, and turn rate [T], degrees a second, averages over half a second."""
+    from mm import metrics
     from motion import kinematics
-
-    from .. import metrics
 
     rate = metrics.smooth(kinematics.velocities(body.yaw[:, None], body.fps), body.fps, 0.5)[:, 0]
     return np.linalg.norm(body.velocity, axis=-1), np.degrees(rate)

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mm import metrics
 from motion import quat
 from motion.skeleton import Skeleton
 
-from .. import metrics, strips
+from .. import strips
 from .body import SIDES
 from .compare import Likeness, Side
 from .measures import CURVES, POINTS, curves, over_cycle

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mm.control import Command, System
-from mm.course import Course
-from mm.driver import Driver
 from motion import quat
+
+from .control import Command, System
+from .course import Course
+from .driver import Driver
 
 
 class Clock(Driver):
@@ -78,7 +79,7 @@ def drive(system: System, clock: Clock) -> Iterator[int]:
 
 def at_data_speeds(course: Course, database: Any) -> Course:
     """A course at the walking and running speed of a database, if it moves at all."""
-    from mm import speeds
+    from . import speeds
 
     walk, run = speeds.of_database(database)
     return course.scaled(walk=walk, run=run) if walk > 0 else course

@@ -1,0 +1,1 @@
+"""Learned Motion Matching: networks in place of the engine's three stages."""

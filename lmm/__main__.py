@@ -1,0 +1,5 @@
+"""``python -m mm``."""
+
+from .cli import main
+
+main(prog_name="python -m mm")

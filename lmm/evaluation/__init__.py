@@ -1,0 +1,1 @@
+"""How good the learned stages are, each alone and all together."""
