@@ -1,5 +1,5 @@
-"""``python -m mm``."""
+"""``python -m lmm``."""
 
 from .cli import main
 
-main(prog_name="python -m mm")
+main(prog_name="python -m lmm")
