@@ -80,12 +80,12 @@ class Raw:
     contacts: NDArray[np.uint8] | None = None
 
 
-class _Misfit(Exception):
+class Misfit(Exception):
     """The bytes are not the layout that was tried."""
 
 
-class _Cursor:
-    """Takes arrays off the front of a file's bytes."""
+class Cursor:
+    """Takes arrays off the front of a file's bytes; a `Misfit` where they are not such arrays."""
 
     def __init__(self, path: PathLike) -> None:
         files.check_input(path)
@@ -101,20 +101,24 @@ class _Cursor:
         """[n] or [rows, columns], with a last axis where an element is several numbers."""
         shape = [int(n) for n in self._numbers(what, "<i4", dimensions)]
         if min(shape) < 0:
-            raise _Misfit(f"the size of its {what} is {' x '.join(map(str, shape))}")
+            raise Misfit(f"the size of its {what} is {' x '.join(map(str, shape))}")
         flat = self._numbers(what, dtype, int(np.prod(shape, dtype=object)) * elements)
         return flat.reshape(*shape, elements) if elements > 1 else flat.reshape(shape)
 
     def _numbers(self, what: str, dtype: str, count: int) -> NDArray:
         size = np.dtype(dtype).itemsize * count
         if size > len(self.data) - self.at:
-            raise _Misfit(f"it ends within its {what} (byte {self.at:,} + {size:,} of {len(self.data):,})")
+            raise Misfit(f"it ends within its {what} (byte {self.at:,} + {size:,} of {len(self.data):,})")
         self.at += size
         return self.data[self.at - size : self.at].view(dtype)
 
+    def number(self, what: str) -> int:
+        return int(self._numbers(what, "<i4", 1)[0])
+
     def end(self) -> None:
+        """Nothing may follow."""
         if self.at != len(self.data):
-            raise _Misfit(f"{len(self.data) - self.at:,} bytes follow its last array")
+            raise Misfit(f"{len(self.data) - self.at:,} bytes follow its last array")
 
 
 def read_database(path: PathLike) -> Raw:
@@ -122,20 +126,20 @@ def read_database(path: PathLike) -> Raw:
 
     A missing, cut, foreign or inconsistent file is a UserError.
     """
-    cursor = _Cursor(path)
+    cursor = Cursor(path)
     try:
         raw = _full(cursor)
-    except _Misfit as misfit:
+    except Misfit as misfit:
         cursor.at = 0
         try:
             raw = _short(cursor)
-        except _Misfit:
-            raise _refuse(path, "motion-matching database", misfit) from misfit
+        except Misfit:
+            raise refuse(path, "motion-matching database", misfit) from misfit
     _check(raw, path)
     return raw
 
 
-def _full(cursor: _Cursor) -> Raw:
+def _full(cursor: Cursor) -> Raw:
     positions = cursor.take("positions", 2, 3)
     velocities = cursor.take("velocities", 2, 3)
     rotations = cursor.take("rotations", 2, 4)
@@ -146,7 +150,7 @@ def _full(cursor: _Cursor) -> Raw:
     return Raw(positions, rotations, parents, starts, stops, velocities, angular, contacts)
 
 
-def _short(cursor: _Cursor) -> Raw:
+def _short(cursor: Cursor) -> Raw:
     positions = cursor.take("positions", 2, 3)
     rotations = cursor.take("rotations", 2, 4)
     parents, starts, stops = _skeleton_and_ranges(cursor)
@@ -155,16 +159,23 @@ def _short(cursor: _Cursor) -> Raw:
     return raw
 
 
-def _skeleton_and_ranges(cursor: _Cursor) -> list[NDArray[np.int32]]:
+def _skeleton_and_ranges(cursor: Cursor) -> list[NDArray[np.int32]]:
     return [cursor.take(what, 1, dtype="<i4") for what in ("parents", "range starts", "range stops")]
 
 
-def _refuse(path: PathLike, what: str, why: object) -> UserError:
+def refuse(path: PathLike, what: str, why: object) -> UserError:
+    """The error of a file that is not what it should be."""
     return UserError(
         f"not the public reference's {what}, or cut short: {why}",
         path=path,
         remedy="give a whole file as the reference writes it",
     )
+
+
+def check_finite(path: PathLike, *arrays: NDArray) -> None:
+    """A UserError unless all numbers of a file's arrays are finite."""
+    if not all(np.isfinite(array).all() for array in arrays):
+        raise UserError("its numbers are not all finite", path=path, remedy="make the file again")
 
 
 def _check(raw: Raw, path: PathLike) -> None:
@@ -197,7 +208,7 @@ def _check(raw: Raw, path: PathLike) -> None:
     elif np.any(np.abs(_norms(raw.rotations) - 1) > 0.01):
         why = "its rotations are not unit quaternions"
     if why:
-        raise _refuse(path, "motion-matching database", why)
+        raise refuse(path, "motion-matching database", why)
     for name, array in {"positions": raw.positions, **arrays}.items():
         if array is not None and not np.isfinite(array).all():
             frame = int(np.flatnonzero(~np.isfinite(array).all(axis=(1, 2)))[0])
@@ -215,36 +226,36 @@ def _norms(array: NDArray) -> NDArray:
 def write_database(path: PathLike, raw: Raw) -> None:
     """Write ``database.bin``, atomically; in the short layout if raw has no velocities and contacts."""
     with files.atomic(path) as stream:
-        _put(stream, raw.positions, 2)
+        put(stream, raw.positions, 2)
         if raw.velocities is not None:
-            _put(stream, raw.velocities, 2)
-        _put(stream, raw.rotations, 2)
+            put(stream, raw.velocities, 2)
+        put(stream, raw.rotations, 2)
         if raw.angular_velocities is not None:
-            _put(stream, raw.angular_velocities, 2)
+            put(stream, raw.angular_velocities, 2)
         for array in (raw.parents, raw.starts, raw.stops):
-            _put(stream, array, 1, "<i4")
+            put(stream, array, 1, "<i4")
         if raw.contacts is not None:
-            _put(stream, raw.contacts, 2, "u1")
+            put(stream, raw.contacts, 2, "u1")
 
 
-def _put(stream: IO[Any], array: NDArray, dimensions: int, dtype: str = "<f4") -> None:
+def put(stream: IO[Any], array: NDArray, dimensions: int, dtype: str = "<f4") -> None:
+    """Write an array of one or two dimensions: its size, then its elements, which may be several numbers."""
     stream.write(np.array(array.shape[:dimensions], "<i4").tobytes())
     stream.write(np.ascontiguousarray(array, dtype).reshape(-1).view(np.uint8).data)
 
 
 def read_features(path: PathLike) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
     """Read ``features.bin``: features [T, F], normalised and weighted, offset [F], scale [F]."""
-    cursor = _Cursor(path)
+    cursor = Cursor(path)
     try:
         features = cursor.take("features", 2)
         offset, scale = cursor.take("offset", 1), cursor.take("scale", 1)
         cursor.end()
         if not len(offset) == len(scale) == features.shape[1]:
-            raise _Misfit(f"{features.shape[1]} columns, {len(offset)} offsets, {len(scale)} scales")
-    except _Misfit as misfit:
-        raise _refuse(path, "features", misfit) from misfit
-    if not all(np.isfinite(array).all() for array in (features, offset, scale)):
-        raise UserError("its numbers are not all finite", path=path, remedy="make the file again")
+            raise Misfit(f"{features.shape[1]} columns, {len(offset)} offsets, {len(scale)} scales")
+    except Misfit as misfit:
+        raise refuse(path, "features", misfit) from misfit
+    check_finite(path, features, offset, scale)
     return features, offset, scale
 
 
@@ -260,27 +271,28 @@ def write_features(
 
 
 def _put_features(stream: IO[Any], features: NDArray, offset: NDArray, scale: NDArray) -> None:
-    _put(stream, features, 2)
-    _put(stream, offset, 1)
-    _put(stream, scale, 1)
+    put(stream, features, 2)
+    put(stream, offset, 1)
+    put(stream, scale, 1)
     stream.flush()
 
 
 def read_latent(path: PathLike) -> NDArray[np.float32]:
     """Read ``latent.bin``: latents [T, L]."""
-    cursor = _Cursor(path)
+    cursor = Cursor(path)
     try:
         latent = cursor.take("latents", 2)
         cursor.end()
-    except _Misfit as misfit:
-        raise _refuse(path, "latents", misfit) from misfit
+    except Misfit as misfit:
+        raise refuse(path, "latents", misfit) from misfit
+    check_finite(path, latent)
     return latent
 
 
 def write_latent(path: PathLike, latent: NDArray[np.float32]) -> None:
     """Write ``latent.bin``, atomically."""
     with files.atomic(path) as stream:
-        _put(stream, latent, 2)
+        put(stream, latent, 2)
 
 
 def import_directory(
