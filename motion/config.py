@@ -83,11 +83,14 @@ def to_dict(obj: Any) -> dict[str, Any]:
     }
 
 
-def load(cls: type[T], path: str | os.PathLike[str]) -> T:
-    """A dataclass from a TOML file; faults are UserErrors with file and, where it can be told, line."""
+def load(cls: type[T], path: str | os.PathLike[str], *, base: T | None = None) -> T:
+    """A dataclass from a TOML file; faults are UserErrors with file and, where it can be told, line.
+
+    What the file leaves out, within its tables too, is as in base, if there is one.
+    """
     data, text = read_toml(path)
     try:
-        return from_dict(cls, data)
+        return from_dict(cls, data if base is None else _over(to_dict(base), data))
     except ConfigError as error:
         where = dotted(error.key)
         what = f"{where}: {error.what}" if where else error.what
@@ -126,6 +129,13 @@ def validate(obj: Any) -> None:
     for field in dataclasses.fields(obj):
         value = _convert(hints[field.name], getattr(obj, field.name), (field.name,))
         object.__setattr__(obj, field.name, value)
+
+
+def _over(base: Any, data: Any) -> Any:
+    """Plain data with what it leaves out taken from base."""
+    if not (isinstance(base, Mapping) and isinstance(data, Mapping)):
+        return data
+    return {**base, **{key: _over(base.get(key), value) for key, value in data.items()}}
 
 
 def _build(cls: type[T], data: Any) -> T:

@@ -158,6 +158,22 @@ def test_where_stands_before_the_key():
         config.from_dict(Car, {"name": "x", "doors": "two"}, where="settings")
 
 
+def test_what_a_file_leaves_out_is_as_in_the_base(tmp_path):
+    base = Car("beetle", wheels=(Wheel(0.3),), doors=2, parts={"door": 20.0}, spare=Wheel(0.3, "mud"))
+    path = tmp_path / "car.toml"
+    path.write_text("electric = true\n[spare]\nradius = 0.4\n[parts]\nroof = 9\n")
+    found = config.load(Car, path, base=base)
+    assert found == Car(
+        "beetle", (Wheel(0.3),), 2, True, parts={"door": 20.0, "roof": 9.0}, spare=Wheel(0.4, "mud")
+    )
+    path.write_text("doors = 3\nwheels = []\n[spare]\nsize = 3\n")
+    with pytest.raises(UserError, match=r"car.toml:4: spare.size: unknown key; choose from radius, kind"):
+        config.load(Car, path, base=base)
+    path.write_text("spare = 3\n")
+    with pytest.raises(UserError, match="car.toml:1: spare: expected a table"):
+        config.load(Car, path, base=base)
+
+
 def test_validate_coerces_what_code_gives():
     @dataclass(frozen=True)
     class Point:

@@ -1,0 +1,196 @@
+"""How networks are trained: the settings of a stage and of them all, and two recipes in three sizes."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Literal
+
+from motion import config
+from motion.config import ConfigError, choices, shown
+from motion.errors import UserError
+
+Schedule = Literal["step", "cosine"]
+Optimiser = Literal["radam", "adamw", "adam"]
+Precision = Literal["float32", "bfloat16"]
+Device = Literal["cpu", "cuda"]
+Recipe = Literal["ours", "reference"]
+Preset = Literal["smoke", "quick", "full"]
+RECIPES: tuple[Recipe, ...] = ("ours", "reference")
+PRESETS: tuple[Preset, ...] = ("smoke", "quick", "full")
+
+
+@dataclass(frozen=True, kw_only=True)
+class StageSettings:
+    """How one stage is trained; the defaults are the published recipe's (REFERENCE 3.2).
+
+    Attributes
+    ----------
+    iterations : steps of the optimiser.
+    batch : windows, or queries, a step.
+    window : frames of a window.
+    learning_rate : at its highest.
+    schedule : "step" takes 1 % off the rate every 1,000 iterations, "cosine" lets it fall to 0 at the end.
+    warm_up : iterations in which the rate rises from 0.
+    optimiser : "adamw" keeps the largest second moment (amsgrad) and decays weights by 1e-3.
+    hidden : widths of the hidden layers.
+    average : decay of the exponential average of the weights, which takes their place; 0 for none.
+    clip : longest gradient, longer ones are shortened; 0 for no limit.
+    evaluate : iterations between evaluations.
+    """
+
+    iterations: int = 500_000
+    batch: int = 32
+    window: int = 1
+    learning_rate: float = 1e-3
+    schedule: Schedule = "step"
+    warm_up: int = 0
+    optimiser: Optimiser = "adamw"
+    hidden: tuple[int, ...] = (512,)
+    average: float = 0.0
+    clip: float = 0.0
+    evaluate: int = 5_000
+
+    def __post_init__(self) -> None:
+        config.validate(self)
+        for name, least, most in (
+            ("iterations", 1, 100_000_000),
+            ("batch", 1, 1_000_000),
+            ("window", 1, 10_000),
+            ("learning_rate", 1e-12, 10),
+            ("warm_up", 0, self.iterations),
+            ("average", 0, 0.999999),
+            ("clip", 0, 1e9),
+            ("evaluate", 1, 100_000_000),
+        ):
+            _check(name, getattr(self, name), least, most)
+        _check_widths("hidden", self.hidden)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """How a model is trained.
+
+    Attributes
+    ----------
+    recipe, preset : what the settings began as.
+    seed : of held-out clips, first weights and batches.
+    held_out : share of the frames, in whole clips, that is not trained on; 0 for none.
+    latent : size of the latent.
+    compressor : widths of the compressor's hidden layers; it is trained with the decompressor.
+    precision : "bfloat16" multiplies matrices so, where the processor can; the rest stays float32.
+    compile : have torch compile what a step computes.
+    device : where networks are trained.
+    threads : of the processor; 0 takes as many as torch does.
+    checkpoint_seconds : time between checkpoints, seconds.
+    """
+
+    recipe: Recipe = "ours"
+    preset: Preset = "full"
+    seed: int = 0
+    held_out: float = 0.1
+    latent: int = 32
+    compressor: tuple[int, ...] = (512, 512, 512)
+    precision: Precision = "float32"
+    compile: bool = False
+    device: Device = "cpu"
+    threads: int = 0
+    checkpoint_seconds: float = 60.0
+    decompressor: StageSettings = field(default_factory=lambda: StageSettings(window=2))
+    stepper: StageSettings = field(default_factory=lambda: StageSettings(window=20, hidden=(512,) * 2))
+    projector: StageSettings = field(default_factory=lambda: StageSettings(hidden=(512,) * 4))
+
+    def __post_init__(self) -> None:
+        config.validate(self)
+        for name, least, most in (
+            ("seed", 0, 2**63 - 1),
+            ("held_out", 0, 0.9),
+            ("latent", 1, 4096),
+            ("threads", 0, 1024),
+            ("checkpoint_seconds", 0, 1e6),
+        ):
+            _check(name, getattr(self, name), least, most)
+        _check_widths("compressor", self.compressor)
+        for name in ("decompressor", "stepper"):
+            if getattr(self, name).window < 2:
+                raise ConfigError((name, "window"), "1 frame has no rate of change", remedy="give at least 2")
+
+
+def _check(name: str, value: float, least: float, most: float) -> None:
+    if not least <= value <= most:
+        remedy = f"give a number from {least:g} to {most:g}"
+        raise ConfigError(name, f"{shown(value)} is out of range", remedy=remedy)
+
+
+def _check_widths(name: str, widths: tuple[int, ...]) -> None:
+    if not 1 <= len(widths) <= 16 or not all(1 <= width <= 16_384 for width in widths):
+        remedy = "give 1 to 16 widths from 1 to 16,384"
+        raise ConfigError(name, f"{shown(list(widths))} are no layers", remedy=remedy)
+
+
+def preset(recipe: str = "ours", name: str = "full") -> Settings:
+    """The settings of a recipe in a size; an unknown one is a UserError that lists those known.
+
+    "reference" is the published recipe to the letter (REFERENCE 3.2), "ours" reaches its quality in less
+    time. "full" trains to the end, "quick" within half an hour on two cores, "smoke" for seconds, to see that
+    all of it runs.
+    """
+    names: dict[str, Any] = {"recipe": recipe, "preset": name}
+    for what, known in (("recipe", RECIPES), ("preset", PRESETS)):
+        if names[what] not in known:
+            raise UserError(f"no {what} {names[what]!r}", remedy=choices(known))
+    return replace((_ours if recipe == "ours" else _reference)(name), **names)
+
+
+def _reference(name: str) -> Settings:
+    """As published: batches of 32, half a million iterations a stage, one rate for all."""
+    iterations = {"full": 500_000, "quick": 20_000, "smoke": 30}[name]
+    return _each(Settings(), iterations=iterations, evaluate=max(iterations // 100, 15))
+
+
+def _ours(name: str) -> Settings:
+    """Fewer, larger batches at a rate that falls to 0, and averaged weights."""
+    share = {"full": 1.0, "quick": 0.2, "smoke": 0.0}[name]
+    settings = Settings(
+        precision="bfloat16",
+        compile=name != "smoke",
+        decompressor=StageSettings(window=2, batch=256, learning_rate=2e-3),
+        stepper=StageSettings(window=20, hidden=(512,) * 2, batch=128),
+        projector=StageSettings(hidden=(512,) * 4, batch=512),
+    )
+    for stage, iterations in (("decompressor", 60_000), ("stepper", 40_000), ("projector", 60_000)):
+        count = max(round(share * iterations), 30)
+        one = replace(
+            getattr(settings, stage),
+            iterations=count,
+            evaluate=max(count // 50, 15),
+            schedule="cosine",
+            warm_up=min(500, count // 10),
+            average=0.999,
+            clip=1.0,
+        )
+        settings = replace(settings, **{stage: one})
+    return settings
+
+
+def _each(settings: Settings, **changes: Any) -> Settings:
+    """Settings with the same changes to every stage."""
+    stages = [f.name for f in fields(settings) if isinstance(getattr(settings, f.name), StageSettings)]
+    return replace(settings, **{name: replace(getattr(settings, name), **changes) for name in stages})
+
+
+def load(path: str | os.PathLike[str], base: Settings) -> Settings:
+    """Settings of a TOML file; what it leaves out is as in base. Faults are UserErrors with file and line."""
+    return config.load(Settings, path, base=base)
+
+
+def differences(one: dict[str, Any], other: dict[str, Any], prefix: str = "") -> list[str]:
+    """Dotted names of the keys in which two settings, as plain data, differ."""
+    found: list[str] = []
+    for key in one | other:
+        here, there = one.get(key), other.get(key)
+        if isinstance(here, dict) and isinstance(there, dict):
+            found += differences(here, there, f"{prefix}{key}.")
+        elif here != there:
+            found.append(prefix + key)
+    return found
