@@ -170,7 +170,7 @@ def test_what_a_file_leaves_out_is_as_in_the_base(tmp_path):
     with pytest.raises(UserError, match=r"car.toml:4: spare.size: unknown key; choose from radius, kind"):
         config.load(Car, path, base=base)
     path.write_text("spare = 3\n")
-    with pytest.raises(UserError, match="car.toml:1: spare: expected a table"):
+    with pytest.raises(UserError, match=r"car.toml:1: spare: expected a table"):
         config.load(Car, path, base=base)
 
 
