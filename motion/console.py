@@ -44,8 +44,10 @@ class Group(click.Group):
             message, code = f"{error.format_message().rstrip('.')} (see {where} --help)", 2
         except click.ClickException as error:
             message, code = error.format_message(), 2
-        except (click.Abort, KeyboardInterrupt):
-            message, code = "interrupted; nothing half-written was left", 130
+        except (click.Abort, KeyboardInterrupt) as error:
+            # click puts an Abort in place of what was raised, and names that as its cause.
+            told = str(error.__cause__ or error)
+            message, code = told or "interrupted; nothing half-written was left", 130
         except MemoryError:
             message, code = "out of memory; give it fewer or shorter inputs", 2
         except BrokenPipeError:
@@ -224,41 +226,57 @@ def format_cell(value: Any) -> str:
     return str(value)
 
 
-def progress(items: Iterable[T], *, label: str, total: int | None = None, unit: str = "it") -> Iterator[T]:
+def progress(
+    items: Iterable[T],
+    *,
+    label: str,
+    total: int | None = None,
+    unit: str = "it",
+    first: int = 0,
+    note: Callable[[], str] | None = None,
+) -> Iterator[T]:
     """Iterate with a progress bar (rate, remaining time) on a terminal, plain lines elsewhere.
 
-    Both go to standard error. Elsewhere means a line every ten seconds and nothing for shorter work.
+    Both go to standard error. Elsewhere means a line every ten seconds and nothing for shorter work. first
+    items of the total were done before; note tells more whenever something is shown.
     """
     if total is None and hasattr(items, "__len__"):
-        total = len(items)  # type: ignore[arg-type]
+        total = first + len(items)  # type: ignore[arg-type]
     if is_terminal(sys.stderr):
         from rich.console import Console
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-        columns = (
+        columns = [
             TextColumn("{task.description}"),
             BarColumn(),
             MofNCompleteColumn(),
             TextColumn("{task.fields[rate]}"),
             TimeRemainingColumn(),
-        )
+        ]
+        columns += [TextColumn("{task.fields[note]}")] * (note is not None)
         with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-            task = bar.add_task(label, total=total, rate="")
+            task = bar.add_task(label, total=total, completed=first, rate="", note="")
             start = time.monotonic()
-            for done, item in enumerate(items):
+            for done, item in enumerate(items, 1):
                 yield item
-                rate = (done + 1) / max(time.monotonic() - start, 1e-9)
-                bar.update(task, advance=1, rate=f"{rate:.1f} {unit}/s")
+                rate = done / max(time.monotonic() - start, 1e-9)
+                told = note() if note else ""
+                bar.update(task, advance=1, rate=f"{rate:.1f} {unit}/s", note=told)
         return
     start = last = time.monotonic()
-    for done, item in enumerate(items):
+    for done, item in enumerate(items, 1):
         yield item
         now = time.monotonic()
         if now - last >= 10:
-            last, rate = now, (done + 1) / (now - start)
-            left = f", {(total - done - 1) / rate:.0f} s left" if total else ""
-            share = f"{done + 1}/{total}" if total else str(done + 1)
-            print(f"{label}: {share} {unit}, {rate:.1f} {unit}/s{left}", file=sys.stderr, flush=True)
+            last, rate = now, done / (now - start)
+            left = f", {_duration((total - first - done) / rate)} left" if total else ""
+            share = f"{first + done}/{total}" if total else str(first + done)
+            told = f"; {note()}" if note else ""
+            print(f"{label}: {share} {unit}, {rate:.1f} {unit}/s{left}{told}", file=sys.stderr, flush=True)
+
+
+def _duration(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < 600 else f"{seconds / 60:.0f} min"
 
 
 def needs(extra: str, module: str) -> Callable[[Callable[..., T]], Callable[..., T]]:

@@ -33,6 +33,7 @@ def fail(kind: str) -> None:
         "user": UserError("bad\n  number 'x'", path="walk.bvh", line=7, remedy="write\na number"),
         "click": click.ClickException("no such thing"),
         "interrupt": KeyboardInterrupt(),
+        "stopped": KeyboardInterrupt("stopped at iteration 7; go on with --resume"),
         "memory": MemoryError(),
         "file": PermissionError(13, "Permission denied", "a/secret"),
         "pipe": OSError(28, "No space left on device"),
@@ -69,7 +70,12 @@ def test_a_user_error_is_one_line_and_exit_code_2() -> None:
 
 @pytest.mark.parametrize(
     ("kind", "code", "word"),
-    [("click", 2, "no such thing"), ("interrupt", 130, "interrupted"), ("memory", 2, "out of memory")],
+    [
+        ("click", 2, "no such thing"),
+        ("interrupt", 130, "interrupted; nothing"),
+        ("stopped", 130, "stopped at iteration 7"),
+        ("memory", 2, "out of memory"),
+    ],
 )
 def test_other_faults_are_one_line_too(kind: str, code: int, word: str) -> None:
     result = run("fail", kind)
@@ -228,6 +234,24 @@ def test_progress_without_a_total_counts_up(clock: list[float], capsys: pytest.C
     for _ in console.progress(iter(range(2)), label="training"):
         clock[0] += 10.0
     assert capsys.readouterr().err.splitlines()[-1] == "training: 2 it, 0.1 it/s"
+
+
+def test_progress_goes_on_where_it_stopped_and_tells_more(
+    clock: list[float], capsys: pytest.CaptureFixture[str]
+) -> None:
+    for _ in console.progress(range(6, 10), label="training", first=6, note=lambda: "loss 0.5"):
+        clock[0] += 1000.0
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == "training: 7/10 it, 0.0 it/s, 50 min left; loss 0.5"
+    assert lines[-1] == "training: 10/10 it, 0.0 it/s, 0 s left; loss 0.5"
+
+
+def test_progress_on_a_terminal_tells_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = Terminal()
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr(sys, "stderr", terminal)
+    assert list(console.progress(range(6, 9), label="x", first=6, note=lambda: "loss")) == [6, 7, 8]
+    assert "9/9" in terminal.getvalue() and "loss" in terminal.getvalue()
 
 
 def test_progress_on_a_terminal_keeps_to_standard_error(
