@@ -240,7 +240,7 @@ def measure(
 
 def _crouches(course: Course) -> bool:
     gaits = {key.gait for key in course.waypoints} | {key.gait for key in course.velocity}
-    return "crouch" in gaits
+    return "crouch" in gaits | {key.gait for key in course.script()}
 
 
 def near(data: Array, wanted: Array, few: int = FEW) -> tuple[Array, NDArray[np.bool_], Array]:

@@ -1,11 +1,10 @@
-"""The searches that a controller really makes while a user drives it, and how the indexes do on them."""
+"""How the search indexes do on the searches that a driven controller really makes."""
 
 from __future__ import annotations
 
 import contextlib
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,65 +12,17 @@ from numpy.typing import NDArray
 
 from mm import course as courses
 from mm import search
-from mm.controller import Controller, build_index
+from mm.controller import build_index
 from mm.database import Database
-from mm.driving import Clock, at_data_speeds, drive
-from mm.settings import Settings
+from mm.driving import at_data_speeds
+from mm.queries import SETTINGS, Queries, record
 from motion.errors import UserError
 
 from . import timing
 
-CHARACTERS = 8
-SETTINGS = Settings(foot_lock=False)  # locking changes no query, and needs whole legs
+COURSE, CHARACTERS = "random", 8
 BUDGET = 10.0  # seconds of an index's passes after which no further one starts
 WARM = 20  # queries before each pass
-
-
-@dataclass(eq=False)
-class Queries:
-    """M searches as a controller made them.
-
-    features [M, F] normalised; current int32 [M], the frames that played; bound [M], what playing on costs
-    less the bias (infinite where a clip ended); radius of frames around the current one that are left out.
-    """
-
-    features: NDArray[np.float32]
-    current: NDArray[np.int32]
-    bound: NDArray[np.float32]
-    radius: int
-
-    def __len__(self) -> int:
-        return len(self.features)
-
-
-class _Listener:
-    """A projection that writes down what it is asked."""
-
-    def __init__(self, projection: Any) -> None:
-        self._projection = projection
-        self.asked: list[tuple[NDArray, NDArray, NDArray]] = []
-
-    def project(
-        self, queries: NDArray, state: Any, bound: NDArray, required_tags: NDArray, forbidden_tags: NDArray
-    ) -> Any:
-        self.asked.append((queries.copy(), state.frames().copy(), np.array(bound, np.float32)))
-        return self._projection.project(queries, state, bound, required_tags, forbidden_tags)
-
-    def memory(self) -> dict[str, int]:
-        return self._projection.memory()
-
-
-def record(database: Database, count: int = 1000, *, index: str = "exact", course: str = "random") -> Queries:
-    """The first count searches of eight characters spread over a course, at the speeds of the data."""
-    settings = Settings(foot_lock=False)  # no part in a search, and impossible on a database of few joints
-    controller = Controller(database, count=CHARACTERS, settings=settings, index=index)
-    controller.stages.projection = listener = _Listener(controller.stages.projection)
-    clock = Clock(at_data_speeds(courses.load(course), database), CHARACTERS, database.fps, spread=True)
-    steps = drive(controller, clock)
-    while sum(len(queries) for queries, _, _ in listener.asked) < count:
-        next(steps)
-    features, current, bound = (np.concatenate(part)[:count] for part in zip(*listener.asked, strict=True))
-    return Queries(features, current, bound, round(SETTINGS.ignore_radius * database.fps))
 
 
 def table(
@@ -96,7 +47,8 @@ def table(
         if name not in known:
             raise UserError(f"no search index {name!r}", remedy=f"choose from {', '.join(known)}")
     k = min(k, len(database))
-    queries = record(database, count)
+    course = at_data_speeds(courses.load(COURSE), database)
+    queries = record(database, count, characters=CHARACTERS, course=course)
     shown = {}
     for name in indexes or known:
         try:
@@ -143,22 +95,16 @@ def _built(database: Database, name: str) -> tuple[search.Index, float]:
 
 def _search(index: search.Index, queries: Queries, k: int) -> NDArray[np.float64]:
     """Costs [M, k] of all queries at once."""
-    exclude = search.Exclusions(current=queries.current, radius=queries.radius)
-    return index.search(queries.features, k=k, bound=queries.bound, exclude=exclude)[1].astype(np.float64)
+    found = index.search(queries.features, k=k, bound=queries.bound, exclude=queries.exclusions())
+    return found[1].astype(np.float64)
 
 
 def _seconds(
     indexes: Mapping[str, search.Index], queries: Queries, k: int, repeats: int
 ) -> dict[str, NDArray[np.float64]]:
     """Seconds [M] of each query alone, the least of several passes after one short one to warm up."""
-    alone = [
-        (
-            queries.features[i : i + 1],
-            queries.bound[i : i + 1],
-            search.Exclusions(current=queries.current[i : i + 1], radius=queries.radius),
-        )
-        for i in range(len(queries))
-    ]
+    each = (queries.take(slice(i, i + 1)) for i in range(len(queries)))
+    alone = [(one.features, one.bound, one.exclusions()) for one in each]
     least = {name: np.full(len(alone), np.inf) for name in indexes}
     spent = dict.fromkeys(indexes, 0.0)
     with timing.single_thread():

@@ -64,7 +64,7 @@ class StickKey:
     camera_deg : where the camera looks, degrees; None: where it has turned to until now.
     camera_rate_deg : degrees a second at which the camera turns from now on.
     strafe : face where the camera looks.
-    gait : walk or run.
+    gait : walk, run or crouch; a crouch goes at walking speeds.
     """
 
     time: float
@@ -72,7 +72,7 @@ class StickKey:
     camera_deg: float | None = None
     camera_rate_deg: float = 0.0
     strafe: bool = False
-    gait: Literal["walk", "run"] = "walk"
+    gait: Gait = "walk"
 
     def __post_init__(self) -> None:
         _check(self)
@@ -115,6 +115,7 @@ class RandomUser:
     seed : same seed, same user.
     hold : shortest and longest time between two changes, seconds.
     run, strafe, stop : shares of the changes that run, strafe and let go of the stick.
+    crouch : share of the changes that crouch, running or not.
     camera_rate_deg : fastest turn of the camera, degrees a second.
     """
 
@@ -123,6 +124,7 @@ class RandomUser:
     run: float = 0.4
     strafe: float = 0.2
     stop: float = 0.15
+    crouch: float = 0.0
     camera_rate_deg: float = 60.0
 
     def __post_init__(self) -> None:
@@ -133,7 +135,7 @@ class RandomUser:
             raise ConfigError(
                 "hold", f"times {list(self.hold)}", remedy="give the shorter one first, at least 0.05"
             )
-        for name in ("run", "strafe", "stop"):
+        for name in ("run", "strafe", "stop", "crouch"):
             if not 0 <= getattr(self, name) <= 1:
                 raise ConfigError(name, f"share {getattr(self, name)}", remedy="give a number from 0 to 1")
 
@@ -152,6 +154,8 @@ class RandomUser:
                 strafe=bool(rng.random() < self.strafe),
                 gait="run" if rng.random() < self.run else "walk",
             )
+            if self.crouch and rng.random() < self.crouch:  # who never crouches draws no number for it
+                key = replace(key, gait="crouch")
             keys.append(key)
             time += rng.uniform(*self.hold)
         return tuple(keys)

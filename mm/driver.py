@@ -218,6 +218,7 @@ class _Script:
         keys = course.script()
         self._sticks = bool(keys)
         self._times = np.array([k.time for k in keys or course.velocity])
+        self._crouches = np.array([k.gait == "crouch" for k in keys or course.velocity])
         if keys:
             self._values = np.array([k.move for k in keys])
             self._cameras, self._rates = _cameras(keys)
@@ -227,7 +228,6 @@ class _Script:
         else:
             self._values = np.array([k.velocity for k in course.velocity])
             self._facings = np.array([k.facing or (0.0, 0.0) for k in course.velocity])
-            self._crouches = np.array([k.gait == "crouch" for k in course.velocity])
 
     def reset(self) -> tuple[Float, Float]:
         return np.zeros((self._count, 2)), np.zeros(self._count)
@@ -261,6 +261,7 @@ class _Script:
             speeds=self._course.speeds,
             deadzone=0.0,
         )
+        command.crouch[:] = self._crouches[key]
         return command, False
 
 

@@ -187,6 +187,13 @@ def test_a_random_user_keeps_to_its_shares():
     assert np.mean([k.move == (0, 0) for k in keys]) == pytest.approx(0.25, abs=0.04)
     assert np.mean([k.gait == "run" for k in keys]) == pytest.approx(0.5, abs=0.04)
     assert np.mean([k.strafe for k in keys]) == pytest.approx(0.1, abs=0.04)
+    assert {k.gait for k in keys} == {"walk", "run"}
+
+
+def test_a_random_user_who_crouches_does_so_in_its_share():
+    keys = RandomUser(run=0.5, crouch=0.3, hold=(0.5, 1.5)).keys(4000)
+    shares = [np.mean([k.gait == gait for k in keys]) for gait in ("crouch", "run", "walk")]
+    np.testing.assert_allclose(shares, [0.3, 0.35, 0.35], atol=0.03)
 
 
 def test_obstacles_are_rows_for_a_controller_and_scale_with_the_way():

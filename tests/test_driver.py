@@ -202,6 +202,14 @@ def test_a_crouch_is_asked_for_on_the_way_to_a_crouched_waypoint_and_by_crouched
     assert [driver.command(t, driver.starts, driver.yaws).crouch[0] for t in (0.0, 1.0, 3.0)] == [1, 1, 0]
 
 
+def test_a_crouched_stick_goes_at_walking_speed():
+    sticks = tuple(StickKey(time=t, move=(0, 1), gait="crouch" if t else "walk") for t in (0, 1))
+    driver = Driver(Course(stick=sticks, seconds=4), 1, FPS)
+    found = [driver.command(t, driver.starts, driver.yaws) for t in (0.5, 1.5)]
+    assert [c.crouch[0] for c in found] == [False, True]
+    np.testing.assert_array_equal(found[0].velocity, found[1].velocity)
+
+
 def test_scripts_hold_or_ramp():
     keys = (VelocityKey(time=0, velocity=(0, 0)), VelocityKey(time=2, velocity=(0, 4), facing=(1, 0)))
     for interpolate, expected in (("hold", [0, 0, 4, 4]), ("linear", [0, 2, 4, 4])):
