@@ -51,12 +51,12 @@ class Network:
         for layer, (rows, columns) in enumerate(pairwise(sizes)):
             weight, bias, scale = self.weights[layer], self.biases[layer], self.scales[layer]
             if weight.shape != (rows, columns) or bias.shape != (columns,):
-                raise ValueError(f"layer {layer}: weight {weight.shape}, bias {bias.shape}")
-            if (
-                (weight.dtype == np.int8) != (scale is not None)
-                or scale is not None
-                and scale.shape != bias.shape
-            ):
+                shapes = f"weight {weight.shape} and bias {bias.shape}"
+                raise ValueError(f"layer {layer}: {shapes}, expected ({rows}, {columns}) and ({columns},)")
+            fits = (
+                scale is None if weight.dtype != np.int8 else scale is not None and scale.shape == bias.shape
+            )
+            if not fits:
                 raise ValueError(f"layer {layer}: {weight.dtype} weights and scales do not go together")
         if self.activation not in ("relu", "elu"):
             raise ValueError(f"activation {self.activation!r}")

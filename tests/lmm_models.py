@@ -1,0 +1,86 @@
+"""Small learned models as training makes them, but of random numbers, on a database of synthetic walking."""
+
+from __future__ import annotations
+
+import functools
+import tempfile
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import synthetic
+
+from lmm.frames import compressor_inputs
+from lmm.layout import Layout
+from lmm.model import Model
+from lmm.network import Network
+from mm.build import build
+from mm.database import Database
+from mm.description import Description
+from motion import bvh
+
+LATENTS = 5
+
+
+@functools.cache
+def database(*, crouch: bool = False, fps: float = 60.0, schema: str = "mm27") -> Database:
+    """Two seconds each of straight walking, which may be tagged as crouched, and of running in a curve."""
+    with tempfile.TemporaryDirectory() as folder:
+        for clip in (clip for clip in synthetic.clips(seconds=2.0) if clip.name in ("straight", "run")):
+            bvh.write(Path(folder, f"{clip.name}.bvh"), clip)
+        tags = Path(folder, "tags.csv")
+        tags.write_text("tag,clips,start,stop\n" + "crouch,straight,,\n" * crouch)
+        db = build(folder, jobs=1, tags=tags if crouch else None, fps=fps, schema=schema)
+        db.save(Path(folder, "db"))
+    return db
+
+
+def network(*sizes: int, seed: int = 0, activation: str = "relu") -> Network:
+    """A network whose outputs are about as spread as its normalisation says."""
+    rng = np.random.default_rng(seed)
+
+    def numbers(*shape: int) -> np.ndarray:
+        return rng.standard_normal(shape).astype(np.float32)
+
+    return Network(
+        numbers(sizes[0]),
+        np.exp(numbers(sizes[0]) / 4),
+        numbers(sizes[-1]),
+        np.exp(numbers(sizes[-1]) / 4),
+        tuple(numbers(rows, columns) / np.float32(np.sqrt(rows)) for rows, columns in pairwise(sizes)),
+        (None,) * (len(sizes) - 1),
+        tuple(numbers(columns) / 10 for columns in sizes[1:]),
+        activation,  # type: ignore[arg-type]
+    )
+
+
+def model(db: Database, *, latents: int = LATENTS, hidden: int = 16) -> Model:
+    """A model of a database. Its decompressor puts out the database's mean pose, and a little beside it."""
+    description = Description.of(db)
+    layout, features = Layout(len(db.skeleton), len(db.contact_roles)), db.schema.size
+    state, crouch = features + latents, bool(description.crouch_tag)
+    vectors = layout.pack(db)
+    compressor = network(compressor_inputs(db, slice(0, 1)).shape[1], hidden, latents, activation="elu")
+    decompressor = network(state, hidden, layout.size, seed=1)
+    decompressor.output_mean[:] = vectors.mean(axis=0)
+    decompressor.output_std[:] = vectors.std(axis=0) / 10
+    made = Model(
+        description=description,
+        decompressor=decompressor,
+        stepper=network(state, hidden, hidden, state, seed=2),
+        projector=network(features + crouch, hidden, hidden, state, seed=3),
+        compressor=compressor,
+        state_low=np.zeros(state, np.float32),
+        state_high=np.zeros(state, np.float32),
+        state_std=np.ones(state, np.float32),
+        held_out=("run",),
+        database=db.fingerprint,
+        ranges=len(db.starts),
+        frames=len(db),
+        training={"recipe": "ours", "preset": "smoke", "seed": 0},
+        errors={"held_out": {"position_cm": 2.0}},
+    )
+    table = np.concatenate([db.features, made.latents(db)], axis=1)
+    made.state_low, made.state_high = table.min(axis=0), table.max(axis=0)
+    made.state_std = table.std(axis=0)
+    return made
