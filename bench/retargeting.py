@@ -11,8 +11,9 @@ import numpy as np
 from mm import course as courses
 from mm.controller import Controller, build_index
 from mm.database import Database
+from mm.description import anatomy_of
 from mm.driving import at_data_speeds
-from mm.rigged import Rigged, of_database
+from mm.rigged import Rigged
 from mm.settings import Settings
 from motion import console, retarget, rig
 from motion.anatomy import Anatomy
@@ -44,7 +45,7 @@ def measure(
     if not counts or min(counts) < 1:
         raise UserError(f"counts {list(counts)}", remedy="give numbers of at least 1, as 1,16,256")
     settings = Settings()
-    source = of_database(database)
+    source = anatomy_of(database)
     target = large_rig(source, joints)
     shared = build_index(database, index, settings)
     course = at_data_speeds(courses.load("random"), database)
@@ -89,7 +90,7 @@ def large_rig(source: Anatomy, joints: int) -> Anatomy:
 def _step_seconds(rigged: Rigged, source: Anatomy, target: Anatomy, *, compiled: bool, feet: bool) -> float:
     """Least seconds of a step on the controller's last poses."""
     controller = rigged.controller
-    roles = controller.database.contact_roles if feet else ()
+    roles = controller.description.contact_roles if feet else ()
     retargeter = Retargeter(source, target, rigged.count, contact_roles=roles, compiled=compiled)
     contacts = controller.planted() if feet else None
     poses = controller.poses()

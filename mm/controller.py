@@ -24,7 +24,7 @@ from . import kernels, kernels_numpy, search, stages
 from . import settings as settings_types
 from .control import Command
 from .database import Database
-from .feet import find_legs
+from .description import Description
 from .settings import Settings
 
 STAGES = (
@@ -44,11 +44,11 @@ class Controller:
 
     Parameters
     ----------
-    database : what the characters play.
+    data : the database that the characters play; for stages that need none, its description.
     count : N.
     settings : see `mm.settings.Settings`.
     index : a search index's name, or one already built on this database (with the same settings' ignore_end).
-    three_stages : other stages than the classical ones; index is then not used.
+    three_stages : other stages than the classical ones; index is then not used. A description needs them.
     obstacles : float [M, 5], boxes and circles on the ground: centre x, z, half widths x, z, radius.
     compiled : use the compiled kernels; False takes their NumPy twins, for tests.
     name : what reports call this system.
@@ -58,7 +58,7 @@ class Controller:
 
     def __init__(
         self,
-        database: Database,
+        data: Database | Description,
         *,
         count: int = 1,
         settings: Settings | None = None,
@@ -70,45 +70,49 @@ class Controller:
     ) -> None:
         if count < 1:
             raise UserError(f"{count} characters", remedy="ask for one or more")
-        self.database, self.count = database, count
+        self.database = data if isinstance(data, Database) else None
+        self.description = data if isinstance(data, Description) else Description.of(data, rigs=False)
+        self.count, description = count, self.description
         self.settings = settings = settings or Settings()
-        self.skeleton, self.fps = database.skeleton, database.fps
+        self.skeleton, self.fps = description.skeleton, description.fps
         self._kernels = kernels if compiled else kernels_numpy
         self._lock_feet = (foot_lock if compiled else foot_lock_numpy).lock_feet
-        self._settings = settings_types.record(settings, database.fps)
+        self._settings = settings_types.record(settings, self.fps)
         self._obstacles = np.asarray(obstacles, np.float32).reshape(-1, 5)
-        ignore_end = round(settings.ignore_end * database.fps)
         if three_stages is None:
-            index = build_index(database, index, settings) if isinstance(index, str) else index
+            if self.database is None:
+                raise TypeError("a description has no frames to play: give three stages, or the database")
+            index = build_index(self.database, index, settings) if isinstance(index, str) else index
             three_stages = stages.classical(
-                database,
+                self.database,
                 index,
-                ignore_radius=round(settings.ignore_radius * database.fps),
-                ignore_end=ignore_end,
+                ignore_radius=round(settings.ignore_radius * self.fps),
+                ignore_end=round(settings.ignore_end * self.fps),
                 gather=self._kernels.gather,
             )
             name = name or f"mm {index.name}"
         self.name = name or "controller"
         self.stages = three_stages
 
-        layout = database.schema.trajectory()
+        self._schema = schema = description.schema
+        layout = schema.trajectory()
         self._layout = layout
         self._columns = (layout.position_columns.astype(np.int64), layout.direction_columns.astype(np.int64))
         future, past = layout.times > 0, layout.times < 0
         self._future_times = layout.times[future].astype(np.float32)
         self._future_slots = np.flatnonzero(future)
         self._past_slots = np.flatnonzero(past)
-        self._past_frames = -layout.times[past] * database.fps
+        self._past_frames = -layout.times[past] * self.fps
         self._present_slots = np.flatnonzero(layout.times == 0)
-        self._normalisation = (stages.plain(database.offset), stages.plain(database.scale))
-        self._euclidean = database.schema.euclidean
-        self._legs = find_legs(database, foot_height=settings.foot_height) if settings.foot_lock else None
-        self._parents, self._tags = stages.plain(database.skeleton.parents), stages.plain(database.tags)
+        self._normalisation = (stages.plain(description.offset), stages.plain(description.scale))
+        self._euclidean = schema.euclidean
+        self._legs = description.feet(settings.foot_height) if settings.foot_lock else None
+        self._parents = stages.plain(self.skeleton.parents)
 
-        self._crouch_tag = _dividing_tag(database, "crouch")
+        self._crouch_tag = np.uint32(description.crouch_tag)
         self._required, self._forbidden = np.zeros((2, count), np.uint32)
 
-        joints, feet = len(self.skeleton), len(database.contact_roles)
+        joints, feet = len(self.skeleton), len(description.contact_roles)
         self.characters = np.zeros(count, state_types.CHARACTER)
         self._feet = np.zeros((count, feet), foot_lock.FOOT)
         self._playing, self._shown = Poses.empty(count, joints), Poses.empty(count, joints)
@@ -122,7 +126,7 @@ class Controller:
         self._trajectory = np.zeros((count, len(layout), 3), np.float32)
         self._history = np.zeros((count, 2 + int(self._past_frames.max(initial=0)), 3), np.float32)
         self._head = 0
-        self._queries = np.zeros((count, database.schema.size), np.float32)
+        self._queries = np.zeros((count, schema.size), np.float32)
         self._played = self._queries.copy()
         self._candidates = np.full(count, -1, np.int32)
         self._cost_current = np.full(count, np.nan, np.float32)
@@ -251,7 +255,7 @@ class Controller:
         current = self.costs(queries, features)
         required, forbidden = command.required_tags[who], command.forbidden_tags[who]
         # Playing on has no price where it is impossible, or not what was asked for.
-        barred = self._lacks_tags(state.frames(), required, forbidden)
+        barred = _lack(state.tags(), required, forbidden)
         current[ended[who] | barred] = np.inf
         bound = current * np.float32(1 - self.settings.continuing_bias)
         self._lap("query")
@@ -266,13 +270,6 @@ class Controller:
         self._cost_current[who], self._cost_candidate[who] = current, costs
         self._lap("projection")
 
-    def _lacks_tags(
-        self, frames: NDArray[np.int32], required: NDArray, forbidden: NDArray
-    ) -> NDArray[np.bool_]:
-        """Whether frames [M] bear not all required tags, or a forbidden one; False for no frame (-1)."""
-        tags = self._tags[frames]
-        return (frames >= 0) & (((required & ~tags) != 0) | ((forbidden & tags) != 0))
-
     def _check_possible(
         self,
         who: NDArray[np.int64],
@@ -284,8 +281,7 @@ class Controller:
     ) -> None:
         """Refuse tags that no frame bears, and a clip's end that nothing can follow."""
         for m in np.flatnonzero(lost & (ended | barred)):
-            tags = self._tags
-            if not np.any(((tags & required[m]) == required[m]) & ((tags & forbidden[m]) == 0)):
+            if not self.stages.projection.possible(int(required[m]), int(forbidden[m])):
                 raise UserError(
                     f"character {who[m]} is asked for tags that no frame bears",
                     remedy="ask for tags that go together in the database (see `mm info`)",
@@ -339,7 +335,7 @@ class Controller:
         if self._euclidean:
             difference = queries - features
             return np.einsum("mf,mf->m", difference, difference)
-        return normalise.costs(self.database.schema, queries, features).sum(axis=-1)
+        return normalise.costs(self._schema, queries, features).sum(axis=-1)
 
     def _lap(self, stage: str) -> None:
         """Book the time since the last lap under a stage."""
@@ -378,7 +374,7 @@ class Controller:
             "candidate": self._candidates.copy(),
             "cost_current": self._cost_current.copy(),
             "cost_candidate": self._cost_candidate.copy(),
-            "feature_costs": normalise.costs(self.database.schema, self._queries, self._played),
+            "feature_costs": normalise.costs(self._schema, self._queries, self._played),
             "trajectory": self._trajectory.copy(),
         }
 
@@ -416,10 +412,8 @@ def circle(x: float, z: float, radius: float) -> Sequence[float]:
     return x, z, 0.0, 0.0, radius
 
 
-def _dividing_tag(database: Database, name: str) -> np.uint32:
-    """The bit of a tag that some frames bear and others do not; 0 where there is no such tag."""
-    if name not in database.tag_names:
-        return np.uint32(0)
-    tag = np.uint32(database.tag_mask([name]))
-    bear = (database.tags & tag) != 0
-    return tag if bear.any() and not bear.all() else np.uint32(0)
+def _lack(
+    tags: NDArray[np.uint32], required: NDArray[np.uint32], forbidden: NDArray[np.uint32]
+) -> NDArray[np.bool_]:
+    """Whether tags [M] are not all of those required, or one of those forbidden."""
+    return ((required & ~tags) != 0) | ((forbidden & tags) != 0)

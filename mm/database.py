@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from features.schema import Schema
 from motion import files
+from motion.errors import UserError
 from motion.pose import Poses
 from motion.skeleton import Skeleton
 
@@ -72,17 +73,7 @@ class Database:
 
     def tag_mask(self, names: tuple[str, ...] | list[str]) -> int:
         """Bit mask of tag names; an unknown one is a UserError that lists those known."""
-        from motion.errors import UserError
-
-        mask = 0
-        for name in names:
-            if name not in self.tag_names:
-                raise UserError(
-                    f"no tag {name!r}",
-                    remedy=f"the database's tags are {', '.join(self.tag_names) or 'none'}",
-                )
-            mask |= 1 << self.tag_names.index(name)
-        return mask
+        return tag_mask(self.tag_names, names)
 
     def memory(self) -> dict[str, int]:
         """Bytes by part."""
@@ -162,3 +153,14 @@ class Database:
             raise ValueError(f"{len(self.names)} names of {ranges} ranges, {len(self.tag_names)} tags")
         if not 0 < self.fps <= 10_000:
             raise ValueError(f"{self.fps} frames per second")
+
+
+def tag_mask(known: tuple[str, ...], names: tuple[str, ...] | list[str]) -> int:
+    """Bit mask of names among known tags, bit b for known[b]; an unknown one is a UserError."""
+    mask = 0
+    for name in names:
+        if name not in known:
+            remedy = f"the database's tags are {', '.join(known) or 'none'}"
+            raise UserError(f"no tag {name!r}", remedy=remedy)
+        mask |= 1 << known.index(name)
+    return mask

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 from motion import contacts, kinematics, quat
 from motion.errors import UserError
+from motion.skeleton import Skeleton
 
 from .database import Database
 
@@ -42,15 +44,10 @@ class Legs:
     needed: NDArray[np.int64]
 
 
-def find_legs(database: Database, *, foot_height: float | None = None) -> Legs:
-    """Legs of a database's contact roles; a skeleton without them is a UserError.
-
-    The hinge is the mean over the data of thigh x shin (bent knees weigh more), the heights percentiles
-    over frames in contact (somebody who sits or kneels touches lower), unless foot_height is given.
-    """
-    skeleton = database.skeleton
+def joints_of_legs(skeleton: Skeleton, roles: Sequence[str]) -> NDArray[np.int64]:
+    """`Legs.joints` of contact roles; a UserError where a leg is not whole."""
     rows = []
-    for role in database.contact_roles:
+    for role in roles:
         side, _, part = role.partition("_")
         try:
             rows.append([skeleton.role(f"{side}_{joint}") for joint in _LIMBS[part]] + [skeleton.role(role)])
@@ -59,7 +56,17 @@ def find_legs(database: Database, *, foot_height: float | None = None) -> Legs:
                 f"foot locking needs the whole leg of the contact {role!r}: {error}",
                 remedy="turn foot locking off, or complete the role map",
             ) from error
-    joints = np.array(rows, np.int64).reshape(-1, 4)
+    return np.array(rows, np.int64).reshape(-1, 4)
+
+
+def find_legs(database: Database) -> Legs:
+    """Legs of a database's contact roles; a skeleton without them is a UserError.
+
+    The hinge is the mean over the data of thigh x shin (bent knees weigh more), the heights percentiles
+    over frames in contact (somebody who sits or kneels touches lower).
+    """
+    skeleton = database.skeleton
+    joints = joints_of_legs(skeleton, database.contact_roles)
     needed = sorted({j for leg in joints for end in (leg[2], leg[3]) for j in skeleton.chain(int(end))})
     sample = np.unique(np.linspace(0, len(database) - 1, _SAMPLE).astype(np.int64))
     poses = database.poses[sample]
@@ -74,8 +81,5 @@ def find_legs(database: Database, *, foot_height: float | None = None) -> Legs:
         length = np.linalg.norm(axis)
         hinges[c] = axis / length if length > 0 else (1, 0, 0)
         height, contact = touches[:, c, 1], database.contacts[sample, c] != 0
-        if foot_height is not None:
-            heights[c] = foot_height
-        else:
-            heights[c] = np.percentile(height[contact] if contact.any() else height, USUAL)
+        heights[c] = np.percentile(height[contact] if contact.any() else height, USUAL)
     return Legs(joints, points.astype(np.float32), hinges, heights, np.array(needed, np.int64))

@@ -291,7 +291,7 @@ class Recorder:
             path=path,
             settings=_plain(getattr(system, "settings", None)),
             schema=_schema(system),
-            database=getattr(getattr(system, "database", None), "fingerprint", ""),
+            database=getattr(getattr(system, "description", None), "fingerprint", ""),
             step_seconds=self._seconds[rows],
             stages=self._stages,
             stage_seconds=self._stage_seconds[rows],
@@ -305,5 +305,5 @@ def _plain(settings: Any) -> dict[str, Any]:
 
 
 def _schema(system: System) -> dict[str, Any] | None:
-    schema = getattr(getattr(system, "database", None), "schema", None)
+    schema = getattr(getattr(system, "description", None), "schema", None)
     return None if schema is None else schema.to_dict()

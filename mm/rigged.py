@@ -7,7 +7,6 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 
-from motion import quat
 from motion.anatomy import Anatomy, anatomy
 from motion.clip import Clip
 from motion.pose import Poses
@@ -15,7 +14,7 @@ from motion.retargeter import Retargeter
 
 from .control import Command
 from .controller import Controller
-from .database import Database
+from .description import anatomy_of
 from .recording import Recording
 
 
@@ -36,12 +35,12 @@ class Rigged:
         self.controller = controller
         self.name, self.skeleton = controller.name, controller.skeleton
         self.fps, self.count = controller.fps, controller.count
-        self.database, self.settings = controller.database, controller.settings
+        self.description, self.settings = controller.description, controller.settings
         self.retargeter = Retargeter(
-            of_database(controller.database),
+            _own(controller),
             target,
             controller.count,
-            contact_roles=controller.database.contact_roles,
+            contact_roles=controller.description.contact_roles,
             foot_halflife=controller.settings.foot_halflife,
             unlock_radius=controller.settings.unlock_radius,
             compiled=compiled,
@@ -89,14 +88,10 @@ class Rigged:
         return shown.clip(character)
 
 
-def of_database(database: Database, ranges: int = 40) -> Anatomy:
-    """The anatomy of a database's skeleton, as some of its ranges show it."""
-    chosen = range(0, len(database.starts), 1 + len(database.starts) // ranges)
-    return anatomy(database.skeleton, [_clip(database, i) for i in chosen])
-
-
-def _clip(database: Database, i: int) -> Clip:
-    poses = database.poses[slice(int(database.starts[i]), int(database.stops[i]))]
-    rotations = quat.normalize(poses.rotations.astype(np.float64))
-    positions = poses.positions.astype(np.float64)
-    return Clip(database.names[i], database.skeleton, database.fps, positions, rotations)
+def _own(controller: Controller) -> Anatomy:
+    """The anatomy of a controller's skeleton, from what is known of its data."""
+    if controller.description.anatomy is not None:
+        return controller.description.anatomy
+    if controller.database is not None:
+        return anatomy_of(controller.database)
+    return anatomy(controller.skeleton)

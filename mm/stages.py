@@ -34,6 +34,10 @@ class State(Protocol):
         """Database frames [N], -1 where the state is not one."""
         ...
 
+    def tags(self) -> NDArray[np.uint32]:
+        """Tags that what is played bears [N]."""
+        ...
+
     def ended(self) -> NDArray[np.bool_]:
         """Whether the data ends here, so that a jump is due [N]."""
         ...
@@ -63,6 +67,10 @@ class Projection(Protocol):
         queries [M, F] normalised, state [M] where they are, bound [M] the cost that a candidate must beat.
         Returns candidate states [M], their costs [M], and whether there is one [M].
         """
+        ...
+
+    def possible(self, required_tags: int, forbidden_tags: int) -> bool:
+        """Whether there is any state that bears these tags, and none of those."""
         ...
 
     def memory(self) -> dict[str, int]: ...
@@ -99,38 +107,58 @@ class Stages:
     decompression: Decompression
 
 
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """What is asked of T frames that play, apart from their poses.
+
+    features float32 [T, F] normalised, tags uint32 [T], last int32 [T]: the last frame of each one's range.
+    """
+
+    features: NDArray[np.float32]
+    tags: NDArray[np.uint32]
+    last: NDArray[np.int32]
+
+    @staticmethod
+    def of(database: Database) -> Frames:
+        last = (database.stops - 1)[database.ranges()].astype(np.int32)
+        return Frames(plain(database.features), plain(database.tags), last)
+
+
 @dataclass(eq=False)
 class FrameState:
     """Classical states: a database frame each."""
 
     index: NDArray[np.int32]
-    table: NDArray[np.float32]
-    last: NDArray[np.int32]
+    data: Frames
 
     def __len__(self) -> int:
         return len(self.index)
 
     def features(self) -> NDArray[np.float32]:
-        return self.table[self.index]
+        return self.data.features[self.index]
 
     def frames(self) -> NDArray[np.int32]:
         return self.index
 
+    def tags(self) -> NDArray[np.uint32]:
+        return self.data.tags[self.index]
+
     def ended(self) -> NDArray[np.bool_]:
-        return self.index >= self.last[self.index]
+        return self.index >= self.data.last[self.index]
 
     def take(self, who: NDArray[np.int64]) -> FrameState:
-        return FrameState(self.index[who], self.table, self.last)
+        return FrameState(self.index[who], self.data)
 
     def put(self, who: NDArray[np.int64], other: FrameState) -> None:
         self.index[who] = other.index
 
 
 class SearchProjection:
-    """Nearest-neighbour search in the database's features."""
+    """Nearest-neighbour search in the database's features; tags [T] are those that the index looks at."""
 
-    def __init__(self, index: search.Index, *, ignore_radius: int) -> None:
+    def __init__(self, index: search.Index, tags: NDArray[np.uint32], *, ignore_radius: int) -> None:
         self.index = index
+        self.tags = plain(tags)
         self.ignore_radius = ignore_radius
 
     def project(self, queries, state, bound, required_tags, forbidden_tags):
@@ -145,7 +173,11 @@ class SearchProjection:
         found = frames[:, 0] >= 0
         # Where nothing was found the state stays what it is.
         index = np.where(found, frames[:, 0], state.frames()).astype(np.int32)
-        return FrameState(index, state.table, state.last), costs[:, 0], found
+        return FrameState(index, state.data), costs[:, 0], found
+
+    def possible(self, required_tags: int, forbidden_tags: int) -> bool:
+        required, forbidden = np.uint32(required_tags), np.uint32(forbidden_tags)
+        return bool(((self.tags & required == required) & (self.tags & forbidden == 0)).any())
 
     def memory(self) -> dict[str, int]:
         return {"index": self.index.nbytes}
@@ -155,22 +187,21 @@ class FrameStepping:
     """The next frame of the same range; the last one of a range stays."""
 
     def __init__(self, database: Database, *, ignore_end: int) -> None:
-        self.table = plain(database.features)
-        ranges = database.ranges()
-        self.last = (database.stops - 1)[ranges].astype(np.int32)
+        self.data = Frames.of(database)
         lengths = database.stops - database.starts
         # Begin where a search could have put us: the longest range, a little into it.
         longest = int(np.argmax(lengths))
         self.first = int(database.starts[longest] + min(ignore_end, lengths[longest] // 2))
 
     def start(self, count: int) -> FrameState:
-        return FrameState(np.full(count, self.first, np.int32), self.table, self.last)
+        return FrameState(np.full(count, self.first, np.int32), self.data)
 
     def step(self, state: FrameState) -> None:
-        np.minimum(state.index + 1, state.last[state.index], out=state.index)
+        np.minimum(state.index + 1, state.data.last[state.index], out=state.index)
 
     def memory(self) -> dict[str, int]:
-        return {"features": self.table.nbytes, "ranges": self.last.nbytes}
+        data = self.data
+        return {"features": data.features.nbytes, "tags": data.tags.nbytes, "ranges": data.last.nbytes}
 
 
 class GatherDecompression:
@@ -238,7 +269,7 @@ def classical(
 ) -> Stages:
     """The three classical stages on one database."""
     return Stages(
-        SearchProjection(index, ignore_radius=ignore_radius),
+        SearchProjection(index, database.tags, ignore_radius=ignore_radius),
         FrameStepping(database, ignore_end=ignore_end),
         GatherDecompression(database, gather=gather),
     )

@@ -13,8 +13,9 @@ from mm import course as courses
 from mm.build import build
 from mm.cli import main
 from mm.controller import Controller
+from mm.description import anatomy_of
 from mm.recording import record
-from mm.rigged import Rigged, of_database
+from mm.rigged import Rigged
 from motion import axes, bvh, kinematics, quat, rig, sources
 from motion.anatomy import anatomy
 from motion.clip import Clip
@@ -56,7 +57,7 @@ def test_rigs_go_where_the_characters_go(database):
 
 
 def test_its_anatomy_comes_from_its_poses(database):
-    body = of_database(database, ranges=3)
+    body = anatomy_of(database, ranges=3)
     assert body.skeleton is database.skeleton
     assert np.isfinite(body.sole)
 
