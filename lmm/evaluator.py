@@ -1,0 +1,137 @@
+"""Networks at run time: without torch, straight from float32, float16 or int8 weights, one row or many."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import kernels, kernels_numpy
+from .lanes import PANEL
+from .network import Network
+
+CONSTANT = 1e-7  # a column that varies by less than this part of the most varying one is left at its mean
+
+
+@dataclass(frozen=True, eq=False)
+class Packed:
+    """A network as the kernels read it: panels of 32 outputs, without the outputs that never change.
+
+    The last layer's scales and biases give outputs in their own units: scale * output_std and
+    bias * output_std + output_mean, computed in float64.
+
+    Attributes
+    ----------
+    weights : float32, uint16 (half floats) or int8, flat: of each layer its panels [inputs, 32], padded by 0.
+    numbers : float32, flat: input_mean [I], input_std [I], then of each layer scales and biases, padded.
+    layers : int64 [layers, 4]: inputs, panels, where its weights begin, where its scales begin.
+    columns : int64 [V], the outputs that vary.
+    constants : float32 [O], the others' values.
+    elu : whether the activation is elu, not relu.
+    """
+
+    weights: NDArray
+    numbers: NDArray[np.float32]
+    layers: NDArray[np.int64]
+    columns: NDArray[np.int64]
+    constants: NDArray[np.float32]
+    elu: bool
+
+    @property
+    def nbytes(self) -> int:
+        arrays = self.weights, self.numbers, self.layers, self.columns, self.constants
+        return sum(array.nbytes for array in arrays)
+
+    def scratch(self) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+        """What `kernels.evaluate` works in: two blocks of rows and a panel of floats; indices of inputs."""
+        deepest = int(self.layers[:, 0].max())
+        width = max(deepest, int(self.layers[:, 1].max()) * PANEL)
+        # Rows that begin a cache line further than a power of two, lest they fall into the same few sets.
+        width = -(-width // PANEL) * PANEL + 16
+        floats = 2 * kernels.BLOCK * width + deepest * PANEL
+        return np.zeros(floats, np.float32), np.zeros(deepest + 1, np.int32)
+
+
+def varying(network: Network) -> NDArray[np.int64]:
+    """Outputs [V] that depend on the input: not those of a standard deviation, or weights, of nothing."""
+    spread = network.output_std * np.abs(network.weight(-1)).max(axis=0, initial=0)
+    return np.flatnonzero(spread > CONSTANT * spread.max(initial=0))
+
+
+def pack(network: Network) -> Packed:
+    """Lay a network out for the kernels."""
+    columns = varying(network)
+    std, mean = network.output_std.astype(np.float64), network.output_mean.astype(np.float64)
+    weights, layers, at = [], [], 0
+    numbers = [network.input_mean, network.input_std]
+    last = len(network.weights) - 1
+    for layer, weight in enumerate(network.weights):
+        bias = network.biases[layer].astype(np.float64)
+        given = network.scales[layer]
+        scale = np.ones(len(bias)) if given is None else given.astype(np.float64)
+        if layer == last:
+            weight, scale, bias = weight[:, columns], (scale * std)[columns], (bias * std + mean)[columns]
+        inputs, outputs = weight.shape
+        panels = -(-outputs // PANEL)
+        padded = np.zeros((inputs, panels * PANEL), weight.dtype)
+        padded[:, :outputs] = weight
+        weights.append(padded.reshape(inputs, panels, PANEL).transpose(1, 0, 2).ravel())
+        layers.append((inputs, panels, at, sum(map(len, numbers))))
+        at += padded.size
+        numbers += [np.pad(row, (0, panels * PANEL - outputs)) for row in (scale, bias)]
+    stored = np.concatenate(weights)
+    return Packed(
+        stored.view(np.uint16) if stored.dtype == np.float16 else stored,
+        np.concatenate(numbers).astype(np.float32),
+        np.array(layers, np.int64),
+        columns.astype(np.int64),
+        (network.biases[-1] * std + mean).astype(np.float32),
+        network.activation == "elu",
+    )
+
+
+class Evaluator:
+    """A network for batches of up to any number of rows; nothing is allocated while batches do not grow.
+
+    Parameters
+    ----------
+    network : what to evaluate, its weights as they are stored.
+    count : rows to make room for; more are made room for when they come.
+    compiled : use the compiled kernels; False takes their NumPy twins, for tests.
+    """
+
+    def __init__(self, network: Network, *, count: int = 1, compiled: bool = True) -> None:
+        self.network = network
+        self.packed = pack(network)
+        self.inputs = network.sizes[0]
+        self._evaluate = (kernels if compiled else kernels_numpy).evaluate
+        self._scratch = self.packed.scratch()
+        self._grow(count)
+
+    def _grow(self, count: int) -> None:
+        self._outputs = np.tile(self.packed.constants, (count, 1))
+
+    def evaluate(self, x: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Outputs [N, O] of inputs [N, I]; valid until the next call."""
+        x = np.ascontiguousarray(x, np.float32)
+        count, packed = len(x), self.packed
+        if x.shape != (count, self.inputs):
+            raise ValueError(f"a batch of shape {x.shape} for a network of {self.inputs} inputs")
+        if count > len(self._outputs):
+            self._grow(count)
+        y = self._outputs[:count]
+        self._evaluate(
+            x, packed.layers, packed.weights, packed.numbers, packed.columns, packed.elu, *self._scratch, y
+        )
+        return y
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of weights, scales, biases and normalisation, as they stand in memory."""
+        return self.packed.nbytes
+
+    @property
+    def scratch_nbytes(self) -> int:
+        """Bytes that evaluation works in, outputs included."""
+        return sum(array.nbytes for array in (*self._scratch, self._outputs))

@@ -1,0 +1,24 @@
+"""The obvious twin of `lmm.kernels`: the same functions over whole arrays, for the tests to compare."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .lanes import PANEL
+from .network import elu as elu_of
+
+
+def evaluate(x, layers, weights, numbers, columns, elu, work, active, y):
+    """See `lmm.kernels.evaluate`."""
+    inputs, last = x.shape[1], len(layers) - 1
+    stored = weights.view(np.float16) if weights.dtype == np.uint16 else weights
+    h = (x - numbers[:inputs]) / numbers[inputs : 2 * inputs]
+    for layer, (depth, panels, first, scale) in enumerate(layers):
+        width = panels * PANEL
+        matrix = stored[first : first + depth * width].reshape(panels, depth, PANEL)
+        matrix = matrix.transpose(1, 0, 2).reshape(depth, width).astype(np.float32)
+        scales, biases = numbers[scale : scale + 2 * width].reshape(2, width)
+        h = h[:, :depth] @ matrix * scales + biases
+        if layer < last:
+            h = elu_of(h) if elu else np.maximum(h, 0)
+    y[:, columns] = h[:, : len(columns)]

@@ -1,0 +1,194 @@
+"""Vector instructions for the networks' kernels: 16 floats at a time, weights read as they are stored.
+
+Written in LLVM's vector types as `mm.search.lanes` is: every processor's back end maps them to what it has.
+Weights are float32, half floats seen as uint16, or int8, and stand in panels of 32 outputs:
+[inputs, 32] each, one panel after the other. Half floats become floats by the processor's own instruction
+where the compiler may use one, elsewhere by shifts and a product, which is exact. Addresses are those of
+contiguous arrays (`array.ctypes.data`).
+"""
+
+from __future__ import annotations
+
+import platform
+from typing import Any
+
+from llvmlite import binding, ir
+from numba import extending, types
+from numba.core import cgutils, config
+
+LANES = 16
+PANEL = 2 * LANES
+
+intrinsic: Any = extending.intrinsic  # its type says that calls take the context too
+
+_BYTE, _SHORT, _INT, _LONG = (ir.IntType(bits) for bits in (8, 16, 32, 64))
+_FLOAT, _HALF = ir.FloatType(), ir.HalfType()
+_STORED = {"float32": _FLOAT, "uint16": _HALF, "int8": _BYTE}
+_FLOATS, _INTS = ir.VectorType(_FLOAT, LANES), ir.VectorType(_INT, LANES)
+_FUSED = ("contract",)  # a product and a sum may be rounded once
+
+
+def features() -> set[str]:
+    """What the processor can do, as far as numba may use it."""
+    if config.CPU_FEATURES is not None:
+        return {name[1:] for name in config.CPU_FEATURES.split(",") if name.startswith("+")}
+    try:
+        return {name for name, has in binding.get_host_cpu_features().items() if has}
+    except RuntimeError:  # LLVM does not know this processor
+        return set()
+
+
+# 32 registers of 16 floats hold the sums of 12 rows by 32 outputs; smaller sets those of 2.
+TALL, SHORT = (12, 4) if "avx512f" in features() else (2, 2)
+_CONVERTS_HALVES = "f16c" in features() or platform.machine().lower() in ("aarch64", "arm64")
+
+
+def _long(value: int) -> Any:
+    return ir.Constant(_LONG, value)
+
+
+def _splat(b: Any, scalar: Any) -> Any:
+    """A scalar in all lanes."""
+    vector = ir.VectorType(scalar.type, LANES)
+    one = b.insert_element(ir.Constant(vector, ir.Undefined), scalar, ir.Constant(_INT, 0))
+    return b.shuffle_vector(one, one, ir.Constant(_INTS, [0] * LANES))
+
+
+def _constant(value: float) -> Any:
+    return ir.Constant(_FLOATS, [value] * LANES)
+
+
+def _pointer(b: Any, address: Any, index: Any, kind: Any) -> Any:
+    """To the number at an index."""
+    return b.gep(b.inttoptr(address, kind.as_pointer()), [index])
+
+
+def _load(b: Any, address: Any, index: Any, stored: str = "float32") -> Any:
+    """16 numbers that begin at an index, as floats."""
+    kind = _STORED[stored]
+    half = stored == "uint16" and not _CONVERTS_HALVES
+    vector = ir.VectorType(_SHORT if half else kind, LANES)
+    load = b.load(b.bitcast(_pointer(b, address, index, kind), vector.as_pointer()))
+    load.align = 1 if stored == "int8" else 2 if stored == "uint16" else 4
+    if half:
+        return _widen(b, load)
+    if stored == "uint16":
+        return b.fpext(load, _FLOATS)
+    return b.sitofp(load, _FLOATS) if stored == "int8" else load
+
+
+def _widen(b: Any, halves: Any) -> Any:
+    """Finite half floats, as 16-bit integers, to floats: exponents differ by 112."""
+    bits = b.zext(halves, _INTS)
+
+    def all_lanes(value: int) -> Any:
+        return ir.Constant(_INTS, [value] * LANES)
+
+    size = b.shl(b.and_(bits, all_lanes(0x7FFF)), all_lanes(13))
+    size = b.fmul(b.bitcast(size, _FLOATS), _constant(2.0**112))
+    sign = b.shl(b.and_(bits, all_lanes(0x8000)), all_lanes(16))
+    return b.bitcast(b.or_(b.bitcast(size, _INTS), sign), _FLOATS)
+
+
+def _store(b: Any, value: Any, address: Any, index: Any) -> None:
+    pointer = b.bitcast(_pointer(b, address, index, _FLOAT), _FLOATS.as_pointer())
+    b.store(value, pointer).align = 4
+
+
+def _add_product(b: Any, total: Any, x: Any, y: Any) -> Any:
+    return b.fadd(total, b.fmul(x, y, flags=_FUSED), flags=_FUSED)
+
+
+def _finish(b: Any, total: Any, scale: Any, bias: Any, rectify: Any) -> Any:
+    """total * scale + bias, and 0 where that is negative if rectify is not 0; NaN stays NaN."""
+    y = _add_product(b, bias, total, scale)
+    negative = b.fcmp_ordered("<", y, _constant(0.0))
+    wanted = b.icmp_signed("!=", rectify, _long(0))
+    return b.select(wanted, b.select(negative, _constant(0.0), y), y)
+
+
+@intrinsic(prefer_literal=True)
+def rows_times_panel(context, rows, x, stride, panel, inputs, scale, bias, rectify, y, y_stride):
+    """Write x [rows, inputs] @ panel [inputs, 32] * scale + bias to y [rows, 32]; all are floats.
+
+    rows is a constant; strides count floats from row to row. Negative results become 0 where rectify is 1.
+    """
+    count = rows.literal_value
+
+    def generate(context: Any, b: Any, _signature: Any, arguments: Any) -> Any:
+        _, x, stride, panel, inputs, scale, bias, rectify, y, y_stride = arguments
+        # Without it all rows' loads move to the front, and sums are spilled to make room for them.
+        fence = ir.InlineAsm(ir.FunctionType(ir.VoidType(), []), "", "~{memory}", side_effect=True)
+        totals = [[cgutils.alloca_once_value(b, _constant(0.0)) for _ in range(2)] for _ in range(count)]
+        with cgutils.for_range(b, inputs) as loop:
+            first = b.mul(loop.index, _long(PANEL))
+            halves = [_load(b, panel, b.add(first, _long(LANES * half))) for half in range(2)]
+            for row in range(count):
+                b.call(fence, [])
+                at = b.add(b.mul(stride, _long(row)), loop.index)
+                value = _splat(b, b.load(_pointer(b, x, at, _FLOAT)))
+                for total, half in zip(totals[row], halves, strict=True):
+                    b.store(_add_product(b, b.load(total), value, half), total)
+        for half in range(2):
+            column = _long(LANES * half)
+            scales, biases = _load(b, scale, column), _load(b, bias, column)
+            for row in range(count):
+                value = _finish(b, b.load(totals[row][half]), scales, biases, rectify)
+                _store(b, value, y, b.add(b.mul(y_stride, _long(row)), column))
+        return context.get_dummy_value()
+
+    address = types.intp
+    return types.none(rows, *[address] * 9), generate
+
+
+@intrinsic(prefer_literal=True)
+def active_times_panels(
+    context, panels, weights, first, inputs, indices, values, count, scale, bias, rectify, y
+):
+    """Write the sum of values [count] times rows indices [count] of panels, times scale, plus bias, to y.
+
+    The panels, a constant number of them, begin at number first of weights and have so many inputs each;
+    indices are int32, all else floats. Inputs that are 0 are simply not listed.
+    """
+    width, stored = panels.literal_value, str(weights.dtype)
+
+    def generate(context: Any, b: Any, signature: Any, arguments: Any) -> Any:
+        _, weights, first, inputs, indices, values, count, scale, bias, rectify, y = arguments
+        array = context.make_array(signature.args[1])(context, b, weights)
+        base = b.ptrtoint(array.data, _LONG)
+        totals = [cgutils.alloca_once_value(b, _constant(0.0)) for _ in range(2 * width)]
+        with cgutils.for_range(b, count) as loop:
+            row = b.sext(b.load(_pointer(b, indices, loop.index, _INT)), _LONG)
+            at = b.add(first, b.mul(row, _long(PANEL)))
+            value = _splat(b, b.load(_pointer(b, values, loop.index, _FLOAT)))
+            for panel in range(width):
+                start = b.add(at, b.mul(inputs, _long(PANEL * panel)))
+                for half in range(2):
+                    total = totals[2 * panel + half]
+                    weight = _load(b, base, b.add(start, _long(LANES * half)), stored)
+                    b.store(_add_product(b, b.load(total), value, weight), total)
+        for place, total in enumerate(totals):
+            column = _long(LANES * place)
+            scales, biases = _load(b, scale, column), _load(b, bias, column)
+            _store(b, _finish(b, b.load(total), scales, biases, rectify), y, column)
+        return context.get_dummy_value()
+
+    address = types.intp
+    return types.none(panels, weights, *[address] * 9), generate
+
+
+@intrinsic
+def to_floats(context, weights, first, count, floats):
+    """Write count weights from number first on to floats; 16 divides count."""
+    stored = str(weights.dtype)
+
+    def generate(context: Any, b: Any, signature: Any, arguments: Any) -> Any:
+        weights, first, count, floats = arguments
+        array = context.make_array(signature.args[0])(context, b, weights)
+        base = b.ptrtoint(array.data, _LONG)
+        with cgutils.for_range(b, b.sdiv(count, _long(LANES))) as loop:
+            at = b.mul(loop.index, _long(LANES))
+            _store(b, _load(b, base, b.add(first, at), stored), floats, at)
+        return context.get_dummy_value()
+
+    return types.none(weights, types.intp, types.intp, types.intp), generate

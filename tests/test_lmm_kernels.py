@@ -1,0 +1,163 @@
+"""Networks at run time: compiled kernels against their twin, the formula itself, and public outputs."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lmm import kernels
+from lmm.evaluator import Evaluator
+from lmm.interchange import read_network
+from lmm.network import Network
+
+TYPES = ("float32", "float16", "int8")
+# Narrow and wide, shallow and deep; panels of 32, 8 at a time, are met exactly and missed both ways.
+SIZES = ((5, 7), (27, 64, 32), (59, 96, 338), (3, 300, 33, 257), (40, 17, 31, 65, 129, 2))
+
+
+def random_network(sizes: tuple[int, ...], *, seed: int = 0, activation: str = "relu") -> Network:
+    rng = np.random.default_rng(seed)
+
+    def row(n: int, low: float, high: float) -> np.ndarray:
+        return rng.uniform(low, high, n).astype(np.float32)
+
+    weights = [
+        rng.normal(size=(i, o)).astype(np.float32) * np.float32((2 / i) ** 0.5) for i, o in pairwise(sizes)
+    ]
+    return Network(
+        row(sizes[0], -1, 1), row(sizes[0], 0.5, 2), row(sizes[-1], -1, 1), row(sizes[-1], 0.5, 2),
+        tuple(weights), (None,) * len(weights), tuple(row(o, -0.2, 0.2) for o in sizes[1:]), activation,
+    )  # fmt: skip
+
+
+def inputs(network: Network, count: int) -> np.ndarray:
+    return np.random.default_rng(count).normal(size=(count, network.sizes[0])).astype(np.float32)
+
+
+@pytest.mark.parametrize("weight_type", TYPES)
+@pytest.mark.parametrize("activation", ["relu", "elu"])
+@pytest.mark.parametrize("sizes", SIZES, ids=lambda sizes: "-".join(map(str, sizes)))
+def test_kernels_equal_their_twin_and_the_networks_formula(sizes, activation, weight_type):
+    network = random_network(sizes, activation=activation).as_type(weight_type)
+    evaluators = Evaluator(network), Evaluator(network, compiled=False)
+    for count in (1, 2, kernels.FEW_COMPACT, 9, 2 * kernels.BLOCK + 5):
+        x = inputs(network, count)
+        fast, twin = (evaluator.evaluate(x).copy() for evaluator in evaluators)
+        expected = network.evaluate(x.astype(np.float64))
+        np.testing.assert_allclose(fast, twin, atol=2e-5)
+        np.testing.assert_allclose(fast, expected, atol=2e-5)
+    assert expected.std() > 0.1
+
+
+@pytest.mark.parametrize("weight_type", TYPES)
+def test_a_row_gives_the_same_alone_and_among_many(weight_type):
+    network = random_network((59, 256, 256, 90)).as_type(weight_type)
+    evaluator = Evaluator(network, count=1024)
+    x = inputs(network, 1024)
+    many = evaluator.evaluate(x).copy()
+    for row in (0, 500, 1023):
+        np.testing.assert_allclose(evaluator.evaluate(x[row : row + 1])[0], many[row], atol=5e-6)
+    # A row's neighbours do not matter, nor where it stands among them.
+    np.testing.assert_array_equal(evaluator.evaluate(np.ascontiguousarray(x[::-1]))[-1], many[0])
+
+
+@pytest.mark.parametrize("count", [1, 30])
+def test_what_is_not_finite_is_not_hidden(count):
+    network = random_network((6, 40, 5))
+    x = inputs(network, count)
+    x[-1, 2] = np.nan
+    y = Evaluator(network).evaluate(x)
+    assert np.isnan(y[-1]).all() and np.isfinite(y[:-1]).all()
+
+
+@pytest.mark.parametrize("weight_type", TYPES)
+def test_outputs_that_do_not_vary_cost_nothing(weight_type):
+    network = random_network((8, 50, 70))
+    std, last = network.output_std.copy(), network.weights[-1].copy()
+    std[:30] = 0
+    std[40] = 1e-15
+    last[:, 50:60] = 0
+    network = replace(network, output_std=std, weights=(*network.weights[:-1], last)).as_type(weight_type)
+    evaluator = Evaluator(network)
+    still = np.r_[0:30, 40, 50:60]
+    assert set(evaluator.packed.columns) == set(range(70)) - set(still)
+    assert evaluator.packed.layers[-1, 1] == 1
+    x = inputs(network, 20)
+    y = evaluator.evaluate(x)
+    np.testing.assert_allclose(y, network.evaluate(x), atol=1e-5)
+    assert (y[:, still] == y[0, still]).all()
+
+
+def test_a_network_without_anything_that_varies():
+    network = random_network((4, 8, 6))
+    network = replace(network, output_std=np.zeros(6, np.float32))
+    np.testing.assert_array_equal(Evaluator(network).evaluate(inputs(network, 9)), [network.output_mean] * 9)
+
+
+def test_bytes_are_those_of_the_weights_as_they_are_stored():
+    network = random_network((64, 512, 512, 64))
+    sizes = {name: Evaluator(network.as_type(name)).nbytes for name in TYPES}
+    weights = 64 * 512 * 2 + 512 * 512
+    others = 4 * (2 * 64 + 64 + 2 * (512 + 512 + 64))
+    for name, bytes_each in zip(TYPES, (4, 2, 1), strict=True):
+        assert 0 <= sizes[name] - bytes_each * weights - others < 1000
+
+
+def test_batches_may_grow_and_inputs_must_be_whole():
+    network = random_network((5, 9, 4))
+    evaluator = Evaluator(network, count=2)
+    x = inputs(network, 300)
+    np.testing.assert_allclose(evaluator.evaluate(x), network.evaluate(x), atol=1e-5)
+    assert evaluator.evaluate(x[:0]).shape == (0, 4)
+    with pytest.raises(ValueError, match="5 inputs"):
+        evaluator.evaluate(x[:, :4].copy())
+
+
+@pytest.mark.parametrize("name", ["decompressor", "stepper", "projector"])
+@pytest.mark.parametrize("compiled", [True, False])
+def test_public_networks_give_the_public_outputs(data, name, compiled):
+    network = read_network(data / f"reference/orangeduck/{name}.bin")
+    table = np.loadtxt(
+        data / f"reference/oracle/network_{name}.csv", delimiter=",", skiprows=1, dtype=np.float32
+    )
+    x, expected = np.split(table, [network.sizes[0]], axis=1)
+    assert expected.shape == (32, network.sizes[-1])
+    evaluator = Evaluator(network, compiled=compiled)
+    for rows in (slice(None), slice(0, 1)):
+        # Outputs are printed to six decimals and range over tens.
+        np.testing.assert_allclose(evaluator.evaluate(x[rows]), expected[rows], rtol=1e-5, atol=2e-5)
+
+
+def test_processors_without_wide_vectors_or_half_floats_give_the_same(tmp_path):
+    """As numba compiles for any processor of this kind: it may use neither instruction."""
+    script = """
+import numpy as np, sys
+sys.path.insert(0, sys.argv[1])
+import test_lmm_kernels as t
+from lmm import lanes
+from lmm.evaluator import Evaluator
+assert lanes.TALL == 2 and not lanes._CONVERTS_HALVES, lanes.features()
+network = t.random_network((20, 40, 33)).as_type("float16")
+tiny = network.weights[0].copy()
+tiny[0, 0], tiny[1, 0], tiny[2, 0] = 6e-8, -1e-6, 0  # the least half floats are spaced otherwise
+network = t.replace(network, weights=(tiny, *network.weights[1:]))
+for count in (1, 40):
+    x = t.inputs(network, count)
+    np.testing.assert_allclose(Evaluator(network).evaluate(x), network.evaluate(x), atol=2e-5)
+print("same")
+"""
+    if sys.platform != "linux" or os.uname().machine != "x86_64":
+        pytest.skip("half floats are converted by every processor of this kind")
+    environment = os.environ | {"NUMBA_CPU_NAME": "generic", "NUMBA_CACHE_DIR": str(tmp_path)}
+    ran = subprocess.run(
+        [sys.executable, "-c", script, str(Path(__file__).parent)],
+        env=environment, cwd=Path(__file__).parents[1], capture_output=True, text=True,
+    )  # fmt: skip
+    assert ran.stdout.strip() == "same", ran.stderr
