@@ -101,11 +101,3 @@ def test_faults_of_a_file_name_line_and_key(text: str, line: int, message: str, 
 def test_what_is_out_of_range_is_refused(change: dict[str, Any]) -> None:
     with pytest.raises(ConfigError):
         StageSettings(**change)
-
-
-def test_differences_are_dotted_names() -> None:
-    one = preset("ours", "full")
-    other = dataclasses.replace(one, seed=4, stepper=dataclasses.replace(one.stepper, batch=3))
-    assert module.differences(config.to_dict(one), config.to_dict(other)) == ["seed", "stepper.batch"]
-    assert module.differences({"a": 1}, {"a": 1, "b": 2}) == ["b"]
-    assert module.differences({"a": {"c": 1}}, {"a": {"c": 1}}) == []

@@ -182,15 +182,3 @@ def _each(settings: Settings, **changes: Any) -> Settings:
 def load(path: str | os.PathLike[str], base: Settings) -> Settings:
     """Settings of a TOML file; what it leaves out is as in base. Faults are UserErrors with file and line."""
     return config.load(Settings, path, base=base)
-
-
-def differences(one: dict[str, Any], other: dict[str, Any], prefix: str = "") -> list[str]:
-    """Dotted names of the keys in which two settings, as plain data, differ."""
-    found: list[str] = []
-    for key in one | other:
-        here, there = one.get(key), other.get(key)
-        if isinstance(here, dict) and isinstance(there, dict):
-            found += differences(here, there, f"{prefix}{key}.")
-        elif here != there:
-            found.append(prefix + key)
-    return found

@@ -1,0 +1,132 @@
+"""Where a training stands, in one file, so that one that was stopped can go on as if it had not been."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from motion import files
+from motion.errors import UserError
+
+KIND, VERSION = "training checkpoint", 1
+FREE = ("checkpoint_seconds",)  # settings that change nothing in what comes out
+SHOWN = 3
+
+Errors = dict[str, dict[str, float]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Checkpoint:
+    """A training between two iterations.
+
+    Attributes
+    ----------
+    stage : under way; empty when all are done.
+    iteration : how many of it are done.
+    seconds : of training so far.
+    loss : terms of the stage's loss, averaged as the log has them.
+    errors : of the stages that are done, as last evaluated.
+    settings : of the training, as plain data.
+    database : fingerprint of the database.
+    machine : versions, threads and device: what results depend on.
+    arrays : weights of finished stages; of the stage under way weights, averages and the optimiser's state.
+    """
+
+    stage: str
+    iteration: int
+    seconds: float
+    loss: dict[str, float]
+    errors: dict[str, Errors]
+    settings: dict[str, Any]
+    database: str
+    machine: dict[str, Any]
+    arrays: dict[str, NDArray] = field(repr=False)
+
+    def save(self, path: Path) -> None:
+        """Write atomically; where that fails, as on a full disk, the one before stays."""
+        metadata = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "arrays"}
+        try:
+            files.save(path, KIND, VERSION, metadata, self.arrays)
+        except UserError as error:
+            before = "the last checkpoint stays; make room and give --resume"
+            remedy = before if path.is_file() else "make room and begin anew"
+            raise UserError(error.what, path=error.path, remedy=remedy) from error
+
+    @staticmethod
+    def load(path: Path) -> Checkpoint:
+        """Read one. Errors: see `motion.files.load`."""
+        if files.kind(path) is None:
+            what = "there is no checkpoint to go on from"
+            raise UserError(what, path=path, remedy="begin without --resume")
+        metadata, arrays, _ = files.load(path, KIND, VERSION)
+        with files.content_of(path, KIND):
+            for key in ("format", "version"):
+                metadata.pop(key)
+            return Checkpoint(**metadata, arrays=arrays)
+
+    def check(self, path: Path, settings: dict[str, Any], database: str, machine: dict[str, Any]) -> None:
+        """A UserError that names what differs from how the training was begun."""
+        anew = "or remove the file to begin anew"
+        if self.database != database:
+            what = f"of another database ({self.database[:8]}, this is {database[:8]})"
+            raise UserError(what, path=path, remedy=f"give the one it was begun with, {anew}")
+        told = differences(self.settings, settings)
+        told = {name: both for name, both in told.items() if name not in FREE}
+        if told:
+            what = f"of other settings: {_listed(told)}"
+            raise UserError(what, path=path, remedy=f"give those it was begun with, {anew}")
+        told = differences(self.machine, machine)
+        if told:
+            what = f"of another machine or version: {_listed(told)}"
+            raise UserError(what, path=path, remedy=f"go on as it was begun, {anew}")
+
+
+def differences(one: dict[str, Any], other: dict[str, Any], prefix: str = "") -> dict[str, tuple[Any, Any]]:
+    """Dotted names of the keys in which plain data differ, with both values."""
+    found: dict[str, tuple[Any, Any]] = {}
+    for key in one | other:
+        here, there = one.get(key), other.get(key)
+        if isinstance(here, dict) and isinstance(there, dict):
+            found |= differences(here, there, f"{prefix}{key}.")
+        elif here != there:
+            found[prefix + key] = here, there
+    return found
+
+
+def _listed(told: dict[str, tuple[Any, Any]]) -> str:
+    first = [f"{name} was {was}, is {now}" for name, (was, now) in list(told.items())[:SHOWN]]
+    return ", ".join(first) + f" and {len(told) - SHOWN} more" * (len(told) > SHOWN)
+
+
+def path_of(output: str | os.PathLike[str]) -> Path:
+    """Where the checkpoint of a model's training stands."""
+    return Path(f"{os.fspath(output)}.checkpoint")
+
+
+def begin_anew(path: Path) -> None:
+    """A UserError where a training that was stopped could go on instead."""
+    if files.kind(path) is not None:
+        what = "a training of this model was stopped here"
+        raise UserError(what, path=path, remedy="go on with --resume, or remove the file to begin anew")
+
+
+def remove(path: Path) -> None:
+    """Remove the checkpoint of a training that is done, and what a killed one left half-written."""
+    with contextlib.suppress(OSError):
+        path.unlink(missing_ok=True)
+    clean(path)
+
+
+def clean(path: Path) -> None:
+    """Remove half-written checkpoints beside path, which a killed training leaves."""
+    half = re.compile(re.escape(f".{path.name[:40]}.") + r"[a-z0-9_]{8}")  # see `motion.files.atomic`
+    with contextlib.suppress(OSError):
+        for found in path.parent.iterdir():
+            if half.fullmatch(found.name):
+                found.unlink(missing_ok=True)

@@ -1,0 +1,46 @@
+"""What torch computes on, and how exactly."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator
+from typing import Any
+
+import torch
+
+from motion.errors import UserError
+
+from .settings import Settings
+
+
+@contextlib.contextmanager
+def machine(settings: Settings) -> Iterator[None]:
+    """Torch as the settings want it, put back after: threads, precision of products, the same every time.
+
+    Without the device that is asked for: a UserError.
+    """
+    if settings.device == "cuda" and not torch.cuda.is_available():
+        raise UserError("torch finds no CUDA device", remedy="train on the processor: --device cpu")
+    threads, precision = torch.get_num_threads(), torch.get_float32_matmul_precision()
+    deterministic = torch.are_deterministic_algorithms_enabled()
+    try:
+        if settings.threads:
+            torch.set_num_threads(settings.threads)
+        torch.set_float32_matmul_precision("medium" if settings.precision == "bfloat16" else "highest")
+        if settings.device == "cuda":
+            os.environ.setdefault("CUBLAS_WORKSPACE_CONFIG", ":4096:8")
+            torch.use_deterministic_algorithms(True)
+        yield
+    finally:
+        torch.set_num_threads(threads)
+        torch.set_float32_matmul_precision(precision)
+        torch.use_deterministic_algorithms(deterministic)
+
+
+def facts(settings: Settings) -> dict[str, Any]:
+    """What a result depends on, to the bit, beside settings and data."""
+    found = {"torch": torch.__version__, "processor": torch.backends.cpu.get_cpu_capability()}
+    if settings.device == "cuda":
+        return found | {"device": torch.cuda.get_device_name()}
+    return found | {"threads": torch.get_num_threads()}
