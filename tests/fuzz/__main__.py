@@ -50,7 +50,7 @@ def _run(name: str, seconds: float, seed: int, compiled: bool, output: Path) -> 
     """Fuzz one reader; where the process dies, what it read last is a failure, and the rest is run anew."""
     with tempfile.TemporaryDirectory(prefix="fuzz-", dir=_memory_disk()) as scratch:
         folder, stop = Path(scratch), time.monotonic() + seconds
-        environment = dict(os.environ, PYTHONPATH=str(ROOT))
+        environment = dict(os.environ, PYTHONPATH=os.pathsep.join((str(ROOT), str(ROOT / "tests"))))
         if compiled:
             environment |= {"NUMBA_BOUNDSCHECK": "1", "NUMBA_CACHE_DIR": str(folder / "numba")}
         else:

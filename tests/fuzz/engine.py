@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
-PACKAGES = ["motion", "features", "mm"]
+PACKAGES = ["motion", "features", "mm", "lmm"]
 SLOW = 5.0  # seconds; a reader that needs so long for a few kilobytes is a defect
 MEMORY = 2 << 30  # bytes that reading a few kilobytes may map beyond what the process has
 LONGEST = 16_384  # bytes of an input

@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numba
 import numpy as np
@@ -19,6 +19,9 @@ from motion.errors import Note, UserError
 from motion.skeleton import Skeleton
 
 from . import documents, mutation
+
+if TYPE_CHECKING:
+    from mm.database import Database
 
 
 class Defect(Exception):
@@ -255,36 +258,41 @@ def _names() -> Target:
     return Target(".txt", lambda: seeds, interchange.load_names, lambda found: None, ("mm/interchange.py",))
 
 
-def _database() -> Target:
+def _small_database(**roles: int) -> Database:
     from features.schema import Schema
     from mm.database import Database
     from motion.pose import Poses
 
+    parents, rotations = documents.chain()
+    frames, joints, schema = *rotations.shape[:2], Schema.load("lmm27")
+    roles = {"root": 0, "hips": 1, "left_foot": 2, "right_foot": 3, **roles}
+    skeleton = Skeleton(("root", "h", "l", "r"), np.array(parents), np.ones((joints, 3)), roles)
+    vectors = np.zeros((frames, joints, 3), np.float32)
+    columns = np.zeros((frames, schema.size), np.float32)
+    return Database(
+        skeleton=skeleton,
+        fps=30.0,
+        schema=schema,
+        poses=Poses(vectors, rotations.astype(np.float32), vectors, vectors),
+        contacts=np.zeros((frames, 2), np.uint8),
+        contact_roles=("left_foot", "right_foot"),
+        features=columns,
+        offset=columns[0],
+        scale=columns[0] + 1,
+        starts=np.array([0, 3], np.int32),
+        stops=np.array([3, 5], np.int32),
+        names=("a", "b"),
+        mirrored=np.array([False, True]),
+        tags=np.zeros(frames, np.uint32),
+        tag_names=("run",),
+    )
+
+
+def _database() -> Target:
+    from mm.database import Database
+
     def seed() -> bytes:
-        parents, rotations = documents.chain()
-        frames, joints, schema = *rotations.shape[:2], Schema.load("lmm27")
-        roles = {"root": 0, "hips": 1, "left_foot": 2, "right_foot": 3}
-        skeleton = Skeleton(("root", "h", "l", "r"), np.array(parents), np.ones((joints, 3)), roles)
-        vectors = np.zeros((frames, joints, 3), np.float32)
-        columns = np.zeros((frames, schema.size), np.float32)
-        database = Database(
-            skeleton=skeleton,
-            fps=30.0,
-            schema=schema,
-            poses=Poses(vectors, rotations.astype(np.float32), vectors, vectors),
-            contacts=np.zeros((frames, 2), np.uint8),
-            contact_roles=("left_foot", "right_foot"),
-            features=columns,
-            offset=columns[0],
-            scale=columns[0] + 1,
-            starts=np.array([0, 3], np.int32),
-            stops=np.array([3, 5], np.int32),
-            names=("a", "b"),
-            mirrored=np.array([False, True]),
-            tags=np.zeros(frames, np.uint32),
-            tag_names=("run",),
-        )
-        return documents.written(database.save)
+        return documents.written(_small_database().save)
 
     def check(database: Database) -> None:
         _check_skeleton(database.skeleton)
@@ -350,6 +358,53 @@ def _features() -> Target:
     return Target(".bin", lambda: seeds, read, lambda found: None, ("mm/interchange.py",))
 
 
+def _network() -> Target:
+    import lmm_models
+
+    from lmm import interchange
+    from lmm.network import Network
+
+    def check(network: Network) -> None:
+        inputs, outputs = network.sizes[0], network.sizes[-1]
+        with np.errstate(all="ignore"):  # numbers near the largest are numbers
+            found = network.evaluate(np.zeros((2, inputs), np.float32))
+        if found.shape != (2, outputs):
+            raise Defect(f"{network!r} gives {found.shape}")
+
+    seeds = [
+        documents.written(functools.partial(interchange.write_network, network=lmm_models.network(*sizes)))
+        for sizes in ((3, 2), (3, 4, 2), (2, 5, 5, 1))
+    ]
+    modules = ("lmm/interchange.py", "mm/interchange.py", "lmm/network.py")
+    return Target(".bin", lambda: seeds, interchange.read_network, check, modules)
+
+
+def _model() -> Target:
+    import lmm_models
+
+    from lmm.model import Model
+
+    def seed(**roles: int) -> bytes:
+        return documents.written(lmm_models.model(_small_database(**roles), latents=2, hidden=3).save)
+
+    legs = {
+        f"{side}_{joint}": j + 1 for side in ("left", "right") for j, joint in enumerate(("up_leg", "leg"))
+    }
+
+    def check(model: Model) -> None:
+        _check_skeleton(model.description.skeleton)
+        repr(model)
+        model.memory()
+        with np.errstate(all="ignore"):
+            for network in model.networks.values():
+                network.evaluate(np.zeros((2, network.sizes[0]), np.float32))
+
+    modules = ("motion/files.py", "lmm/model.py", "lmm/network.py", "mm/description.py")
+    return Target(
+        ".lmm", lambda: [seed(), seed(**legs)], Model.load, check, modules, inside=mutation.in_container
+    )
+
+
 TARGETS: dict[str, Callable[[], Target]] = {
     "bvh": _bvh,
     "asf": _asf,
@@ -369,6 +424,8 @@ TARGETS: dict[str, Callable[[], Target]] = {
     "recording": _recording,
     "reference": _reference,
     "features": _features,
+    "network": _network,
+    "model": _model,
 }
 
 
