@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -13,6 +14,10 @@ from motion import quat
 from .control import Command, System
 from .course import Course
 from .driver import Driver
+
+# What systems are judged on, and how long at most each course lasts.
+COURSES = ("thesis", "circle", "star", "start-stop", "turn-180", "strafe", "random")
+SECONDS = 40.0
 
 
 class Clock(Driver):
@@ -40,28 +45,38 @@ class Clock(Driver):
         return command
 
 
+class Replay(Clock):
+    """Asks what an earlier run was asked, wherever the system goes."""
+
+    def __init__(self, before: Clock) -> None:
+        self._before = before
+        super().__init__(before.course, before.count, before.fps)
+
+    @property
+    def frames(self) -> int:
+        return len(self._before.commands)
+
+    def command(self, time: float, positions: NDArray, yaws: NDArray) -> Command:
+        self.commands.append(self._before.commands[len(self.commands)])
+        return self.commands[-1]
+
+
 class Diverged(Exception):
     """A system left the way of an earlier run."""
 
 
-class Again(Clock):
+class Again(Replay):
     """Asks what an earlier run was asked, as long as the system goes the very same way; else `Diverged`.
 
     A driver sees only where the characters are: who goes where the other went would have been asked the
     same, and need not wait for the driver.
     """
 
-    def __init__(self, before: Clock) -> None:
-        self._before = before
-        super().__init__(before.course, before.count, before.fps)
-
     def command(self, time: float, positions: NDArray, yaws: NDArray) -> Command:
-        frame = len(self.commands)
-        there, facing = self._before.seen[frame]
+        there, facing = self._before.seen[len(self.commands)]
         if not (np.array_equal(positions, there) and np.array_equal(yaws, facing)):
             raise Diverged
-        self.commands.append(self._before.commands[frame])
-        return self.commands[frame]
+        return super().command(time, positions, yaws)
 
 
 def drive(system: System, clock: Clock) -> Iterator[int]:
@@ -83,3 +98,13 @@ def at_data_speeds(course: Course, database: Any) -> Course:
 
     walk, run = speeds.of_database(database)
     return course.scaled(walk=walk, run=run) if walk > 0 else course
+
+
+def natural_seconds(course: Course) -> float:
+    """How long a course lasts: a script's length, or the time that a way takes at its own speeds."""
+    if course.seconds is not None:
+        return course.seconds * (1 if course.waypoints else course.laps)
+    points = [w.position for w in course.waypoints]
+    targets = [*course.waypoints[1:], *course.waypoints[: course.closed]]
+    legs = zip([*points, points[0]], targets, strict=False)
+    return course.laps * sum(math.dist(here, target.position) / target.speed for here, target in legs)
