@@ -19,15 +19,13 @@ from mm import quality, recording, speeds
 from mm.control import System
 from mm.course import Course
 from mm.database import Database
-from mm.driving import Again, Clock, Diverged
+from mm.driving import COURSES, SECONDS, Again, Clock, Diverged, natural_seconds
 from motion import console
 from motion.errors import UserError
 
 from . import timing
 from .systems import Entry, choose
 
-COURSES = ("thesis", "circle", "star", "start-stop", "turn-180", "strafe", "random")
-SECONDS = 40.0  # at most, of each course
 TIMED_SECONDS, REPEATS = 5.0, 3
 WORST = ("pop_cm",)  # of these a system's summary row has the largest, of all other metrics the mean
 DATA = "(the clips)"
@@ -160,16 +158,6 @@ def compare(
             "seed": seed,
         },
     )
-
-
-def natural_seconds(course: Course) -> float:
-    """How long a course lasts: a script's length, or the time that a way takes at its own speeds."""
-    if course.seconds is not None:
-        return course.seconds * (1 if course.waypoints else course.laps)
-    points = [w.position for w in course.waypoints]
-    targets = [*course.waypoints[1:], *course.waypoints[: course.closed]]
-    legs = zip([*points, points[0]], targets, strict=False)
-    return course.laps * sum(math.dist(here, target.position) / target.speed for here, target in legs)
 
 
 def _prepared(course: str | Course, walk: float, run: float, seed: int | None, scale: bool) -> Course:

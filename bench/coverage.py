@@ -24,11 +24,9 @@ from mm.course import Course
 from mm.database import Database
 from mm.driving import Clock, at_data_speeds, drive
 from mm.settings import Settings
-from motion import files, quat, springs
+from motion import figures, files, quat, springs
 from motion.pose import Poses
 from motion.skeleton import Skeleton
-
-from . import plots
 
 Array = NDArray[np.floating]
 
@@ -365,7 +363,7 @@ def save(coverage: Coverage, folder: Path, name: str) -> list[Path]:
             stream = stack.enter_context(files.atomic(folder / file, "w"))
             stream.write(pd.DataFrame(rows).to_csv(index=False, lineterminator="\n"))
             stream.flush()
-        stack.enter_context(files.atomic(folder / "coverage.png")).write(plots.png(figure(coverage, name)))
+        stack.enter_context(files.atomic(folder / "coverage.png")).write(figures.png(figure(coverage, name)))
     return [folder / file for file in FILES]
 
 

@@ -1,21 +1,16 @@
-"""The report's figures, as inline SVG that takes the page's text colour, so that light and dark both work."""
+"""The report's figures (see `motion.figures` for their style)."""
 
 from __future__ import annotations
 
-import contextlib
-import io
-import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from mm.quality import Trace
+from motion.figures import COLOURS, INK, figure, thin
 
-INK = "#0f0e0d"  # stands for the page's text colour in what matplotlib draws
-COLOURS = ("#2e86ab", "#d1495b", "#3c9d57", "#e09f3e", "#8e5fbf", "#17a2a2", "#c86f98", "#8a8d3f", "#7a8288")
 STAGES = (
     "prediction",
     "query",
@@ -26,59 +21,6 @@ STAGES = (
     "synchronization",
     "foot_lock",
 )
-DRAWN_POINTS = 400
-
-
-@contextlib.contextmanager
-def style(salt: str) -> Iterator[None]:
-    """Matplotlib settings of all figures; salt makes the ids of one page's figures differ."""
-    import matplotlib
-    from cycler import cycler
-
-    ink = ("text.color", "axes.labelcolor", "axes.edgecolor", "xtick.color", "ytick.color")
-    settings: Any = dict.fromkeys(ink, INK) | {
-        "svg.fonttype": "none",
-        "svg.hashsalt": salt,
-        "font.family": ["sans-serif"],
-        "font.size": 8,
-        "axes.spines.top": False,
-        "axes.spines.right": False,
-        "axes.facecolor": "none",
-        "figure.facecolor": "none",
-        "savefig.facecolor": "none",
-        "legend.frameon": False,
-        "legend.labelcolor": INK,
-        "grid.color": "#8884",
-        "axes.prop_cycle": cycler(color=COLOURS),
-    }
-    with matplotlib.rc_context(settings):
-        yield
-
-
-def figure(width: float, height: float, columns: int = 1) -> tuple[Any, NDArray]:
-    """An empty figure (inches) and its axes in a row."""
-    from matplotlib.figure import Figure
-
-    picture = Figure(figsize=(width, height), layout="constrained")
-    return picture, np.atleast_1d(picture.subplots(1, columns))
-
-
-def svg(picture: Any) -> str:
-    """A figure as an SVG element for a page."""
-    text = io.StringIO()
-    picture.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
-    body = text.getvalue()
-    body = body[body.index("<svg") :].replace(INK, "currentColor")
-    body = re.sub(r"<metadata>.*?</metadata>", "", body, count=1, flags=re.DOTALL)
-    # Fonts are the page's own, sizes scale with the page.
-    body = re.sub(r"font: ([\d.]+px) [^;\"]*", r"font-size: \1", body)
-    body = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", body, count=1)
-    return re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", body, count=1)
-
-
-def thin(values: NDArray, points: int = DRAWN_POINTS) -> NDArray:
-    """At most so many of the values, evenly."""
-    return values[:: max(1, -(-len(values) // points))]
 
 
 def paths(traces: Sequence[Trace], labels: Sequence[str]) -> Any:
@@ -201,10 +143,3 @@ def label(group: Sequence[Trace]) -> str:
         else f"{names[0]} = {', '.join(names[1:3])}"
         + (f" and {len(names) - 3} more" if len(names) > 3 else "")
     )
-
-
-def png(picture: Any) -> bytes:
-    """A figure as a PNG on white, to look at."""
-    data = io.BytesIO()
-    picture.savefig(data, format="png", dpi=110, facecolor="white")
-    return data.getvalue()

@@ -12,7 +12,7 @@ from typing import Any
 
 import pandas as pd
 
-from motion import files
+from motion import figures, files
 
 from . import plots, strips
 from .compare import DATA, Comparison, plain
@@ -162,8 +162,8 @@ def _pictures(comparison: Comparison) -> list[tuple[str, str]]:
         ("Memory by part", plots.memory, systems),
         ("Skate and distance from the path", plots.skate_and_path, comparison.summary),
     ):
-        with plots.style(title):
-            out.append((title, plots.svg(draw(rows))))
+        with figures.style(title):
+            out.append((title, figures.svg(draw(rows))))
     return out
 
 
@@ -172,9 +172,9 @@ def _section(comparison: Comparison, course: Any) -> dict[str, Any]:
     traces = [t for t in comparison.traces if t.course == course.name]
     rows = comparison.courses[comparison.courses["course"] == course.name]
     groups = plots.groups(traces)
-    with plots.style(course.name):
+    with figures.style(course.name):
         pictures = [
-            plots.svg(draw([group[0] for group in same], [plots.label(group) for group in same]))
+            figures.svg(draw([group[0] for group in same], [plots.label(group) for group in same]))
             for draw, same in ((plots.paths, plots.groups(traces, poses=False)), (plots.over_time, groups))
         ]
     return {
@@ -189,7 +189,7 @@ def _section(comparison: Comparison, course: Any) -> dict[str, Any]:
 def _strips(comparison: Comparison, groups: Sequence[Sequence[Any]], course: str) -> list[tuple[str, str]]:
     out = []
     for i, group in enumerate(groups[:STRIPS]):
-        with plots.style(f"{course} {i}"):
+        with figures.style(f"{course} {i}"):
             picture = strips.figure(group[0], feet=comparison.feet)
-            out.append((plots.label(group), plots.svg(picture)))
+            out.append((plots.label(group), figures.svg(picture)))
     return out

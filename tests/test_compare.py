@@ -11,14 +11,15 @@ import pandas as pd
 import pytest
 
 from bench import plots, report, strips, systems, timing
-from bench.compare import DATA, compare, memory_mb, natural_seconds
+from bench.compare import DATA, compare, memory_mb
 from mm import quality
 from mm.build import build
 from mm.course import Circle, Course, VelocityKey, Waypoint, load
 from mm.driver import Driver
+from mm.driving import natural_seconds
 from mm.recording import Recording
 from mm.settings import Settings
-from motion import quat
+from motion import figures, quat
 from motion.errors import UserError
 from motion.pose import Poses
 
@@ -309,7 +310,7 @@ def test_the_report_is_whole_and_stands_alone(matched, tmp_path):
     ):
         assert expected in words
     assert page.tags.count("svg") >= 3 + 2 * 2 + 2  # over all, two a course, film strips
-    assert plots.INK not in text and "currentColor" in text
+    assert figures.INK not in text and "currentColor" in text
 
 
 def test_ids_of_the_figures_on_the_page_do_not_collide(matched):
@@ -353,8 +354,8 @@ def test_bones_of_the_two_sides_differ_in_colour(database):
 
 
 def test_a_strip_is_a_picture(matched):
-    with plots.style("test"):
-        data = plots.png(strips.figure(matched.traces[0], feet=matched.feet))
+    with figures.style("test"):
+        data = figures.png(strips.figure(matched.traces[0], feet=matched.feet))
     assert data.startswith(b"\x89PNG") and len(data) > 5000
 
 

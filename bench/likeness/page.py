@@ -11,9 +11,8 @@ from typing import Any
 
 import pandas as pd
 
-from motion import files
+from motion import figures, files
 
-from .. import plots
 from . import pictures
 from .compare import Likeness
 
@@ -39,7 +38,7 @@ def save(
                 continue
             names[kind] = f"{kind}-{move.replace(' ', '-')}.png"
             with files.atomic(folder / names[kind]) as stream:
-                stream.write(plots.png(picture))
+                stream.write(figures.png(picture))
             written.append(folder / names[kind])
         shown.append((move, names, likeness.table[likeness.table["move"] == move].to_dict("records")))
     environment = _environment()
