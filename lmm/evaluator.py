@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import kernels, kernels_numpy
-from .lanes import PANEL
+from .lanes import LANES, PANEL, TALL
 from .network import Network
 
 CONSTANT = 1e-7  # a column that varies by less than this part of the most varying one is left at its mean
@@ -43,14 +43,15 @@ class Packed:
         arrays = self.weights, self.numbers, self.layers, self.columns, self.constants
         return sum(array.nbytes for array in arrays)
 
-    def scratch(self) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-        """What `kernels.evaluate` works in: two blocks of rows and a panel of floats; indices of inputs."""
+    def scratch(self, count: int) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int32]]:
+        """What `kernels.evaluate` works in for count rows: two blocks of rows, a panel, indices of inputs."""
         deepest = int(self.layers[:, 0].max())
         width = max(deepest, int(self.layers[:, 1].max()) * PANEL)
         # Rows that begin a cache line further than a power of two, lest they fall into the same few sets.
-        width = -(-width // PANEL) * PANEL + 16
-        floats = 2 * kernels.BLOCK * width + deepest * PANEL
-        return np.zeros(floats, np.float32), np.zeros(deepest + 1, np.int32)
+        width = -(-width // PANEL) * PANEL + LANES
+        block = min(kernels.BLOCK, -(-count // TALL) * TALL)
+        between = np.zeros((2, block, width), np.float32)
+        return between, np.zeros(deepest * PANEL, np.float32), np.zeros(deepest + 1, np.int32)
 
 
 def varying(network: Network) -> NDArray[np.int64]:
@@ -106,10 +107,10 @@ class Evaluator:
         self.packed = pack(network)
         self.inputs = network.sizes[0]
         self._evaluate = (kernels if compiled else kernels_numpy).evaluate
-        self._scratch = self.packed.scratch()
         self._grow(count)
 
     def _grow(self, count: int) -> None:
+        self._scratch = self.packed.scratch(count)
         self._outputs = np.tile(self.packed.constants, (count, 1))
 
     def evaluate(self, x: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -5,34 +5,35 @@ from __future__ import annotations
 import math
 
 import numba
+import numpy as np
 
 from .lanes import PANEL, SHORT, TALL, active_times_panels, rows_times_panel, to_floats
 
 _jit = numba.njit(cache=True, nogil=True, error_model="numpy")
 
-BLOCK = 96  # rows that go through all layers together, so that what lies between layers stays in the cache
+BLOCK = 96  # rows that go through all layers together, at most: what lies between them stays in the cache
 # Up to so many rows each goes by itself, past inputs that are 0; compact weights must be widened for more.
 FEW, FEW_COMPACT = 3, 7
+TINY = np.float32(1e-8)  # shorter columns of a rotation are no direction
 
 
 @_jit
-def evaluate(x, layers, weights, numbers, columns, elu, work, active, y):
+def evaluate(x, layers, weights, numbers, columns, elu, rows_between, panel, active, y):
     """Write the network's outputs of x [N, I] to columns [V] of y [N, O]; the other columns are left alone.
 
-    layers, weights, numbers: see `lmm.evaluator.Packed`; elu says which activation; work and active are
-    scratch (`lmm.evaluator.Packed.scratch`), the same for any N.
+    layers, weights, numbers: see `lmm.evaluator.Packed`; elu says which activation; rows_between, panel and
+    active are scratch for any N, see `lmm.evaluator.Packed.scratch`.
     """
     count, inputs = x.shape
-    last = len(layers) - 1
-    width = (len(work) - layers[:, 0].max() * PANEL) // (2 * BLOCK)
-    panel = work[2 * BLOCK * width :]
+    last, block, width = len(layers) - 1, rows_between.shape[1], rows_between.shape[2]
+    work = rows_between.reshape(rows_between.size)
     few = FEW if weights.itemsize == 4 else FEW_COMPACT
-    for start in range(0, count, BLOCK):
-        rows = min(BLOCK, count - start)
+    for start in range(0, count, block):
+        rows = min(block, count - start)
         for n in range(rows):
             for i in range(inputs):
                 work[n * width + i] = (x[start + n, i] - numbers[i]) / numbers[inputs + i]
-        from_, to = 0, BLOCK * width
+        from_, to = 0, block * width
         for layer in range(last + 1):
             rectify = 1 if layer < last and not elu else 0
             if rows <= few:
@@ -109,3 +110,71 @@ def _many_rows(layer, weights, numbers, work, from_, rows, width, rectify, float
                     SHORT, x, width, panel, inputs, scale + place, bias + place, rectify, y, width
                 )
                 n += SHORT
+
+
+@_jit
+def advance(values, rates, fps):
+    """Add to values [N, S] what rates [N, S] per second make in a frame."""
+    for n in range(values.shape[0]):
+        for i in range(values.shape[1]):
+            values[n, i] += rates[n, i] / fps
+
+
+@_jit
+def unpack(vectors, fps, positions, rotations, velocities, angular, contacts):
+    """Poses [N, J, ..] and contacts [N, C] of vectors [N, D]; see `lmm.layout.Layout.unpack`."""
+    joints = positions.shape[1]
+    n = joints - 1
+    for i in range(len(vectors)):
+        vector = vectors[i]
+        for j in range(1, joints):
+            for a in range(3):
+                at = 3 * (j - 1) + a
+                positions[i, j, a] = vector[at]
+                velocities[i, j, a] = vector[9 * n + at]
+                angular[i, j, a] = vector[12 * n + at]
+            at = 3 * n + 6 * (j - 1)
+            w, x, y, z = _rotation(
+                vector[at], vector[at + 2], vector[at + 4], vector[at + 1], vector[at + 3], vector[at + 5]
+            )
+            rotations[i, j, 0], rotations[i, j, 1] = w, x
+            rotations[i, j, 2], rotations[i, j, 3] = y, z
+        root = 15 * n
+        vx, vz, rate = vector[root], vector[root + 2], vector[root + 4]
+        half = rate / (2 * fps)
+        c, s = math.cos(half), math.sin(half)
+        positions[i, 0, 0], positions[i, 0, 1] = (c * vx + s * vz) / fps, 0
+        positions[i, 0, 2] = (c * vz - s * vx) / fps
+        rotations[i, 0, 0], rotations[i, 0, 1], rotations[i, 0, 2], rotations[i, 0, 3] = c, 0, s, 0
+        velocities[i, 0, 0], velocities[i, 0, 1], velocities[i, 0, 2] = vx, 0, vz
+        angular[i, 0, 0], angular[i, 0, 1], angular[i, 0, 2] = 0, rate, 0
+        for a in range(contacts.shape[1]):
+            contacts[i, a] = vector[root + 6 + a] > 0.5
+
+
+@numba.njit(nogil=True, error_model="numpy", inline="always")
+def _rotation(xx, xy, xz, yx, yy, yz):
+    """The quaternion of two columns x and y of a matrix, made orthonormal (Gram-Schmidt, Shepperd)."""
+    one, half = np.float32(1), np.float32(0.5)
+    length = one / max(math.sqrt(xx * xx + xy * xy + xz * xz), TINY)
+    xx, xy, xz = xx * length, xy * length, xz * length
+    zx, zy, zz = xy * yz - xz * yy, xz * yx - xx * yz, xx * yy - xy * yx
+    length = one / max(math.sqrt(zx * zx + zy * zy + zz * zz), TINY)
+    zx, zy, zz = zx * length, zy * length, zz * length
+    yx, yy, yz = zy * xz - zz * xy, zz * xx - zx * xz, zx * xy - zy * xx
+    trace = xx + yy + zz
+    if trace >= xx and trace >= yy and trace >= zz:
+        w = math.sqrt(max(one + trace, TINY)) * half
+        scale = one / (4 * w)
+        return w, (yz - zy) * scale, (zx - xz) * scale, (xy - yx) * scale
+    if xx >= yy and xx >= zz:
+        x = math.sqrt(max(one + xx - yy - zz, TINY)) * half
+        scale = one / (4 * x)
+        return (yz - zy) * scale, x, (xy + yx) * scale, (zx + xz) * scale
+    if yy >= zz:
+        y = math.sqrt(max(one - xx + yy - zz, TINY)) * half
+        scale = one / (4 * y)
+        return (zx - xz) * scale, (xy + yx) * scale, y, (yz + zy) * scale
+    z = math.sqrt(max(one - xx - yy + zz, TINY)) * half
+    scale = one / (4 * z)
+    return (xy - yx) * scale, (zx + xz) * scale, (yz + zy) * scale, z

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from .lanes import PANEL
+from .layout import Layout
 from .network import elu as elu_of
 
 
-def evaluate(x, layers, weights, numbers, columns, elu, work, active, y):
+def evaluate(x, layers, weights, numbers, columns, elu, rows_between, panel, active, y):
     """See `lmm.kernels.evaluate`."""
     inputs, last = x.shape[1], len(layers) - 1
     stored = weights.view(np.float16) if weights.dtype == np.uint16 else weights
@@ -22,3 +23,15 @@ def evaluate(x, layers, weights, numbers, columns, elu, work, active, y):
         if layer < last:
             h = elu_of(h) if elu else np.maximum(h, 0)
     y[:, columns] = h[:, : len(columns)]
+
+
+def advance(values, rates, fps):
+    """See `lmm.kernels.advance`."""
+    values += rates / fps
+
+
+def unpack(vectors, fps, positions, rotations, velocities, angular, contacts):
+    """See `lmm.kernels.unpack`."""
+    poses, contacts[:] = Layout(positions.shape[1], contacts.shape[1]).unpack(vectors, fps)
+    for to, values in zip((positions, rotations, velocities, angular), poses.arrays().values(), strict=True):
+        to[:] = values

@@ -12,10 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lmm import kernels
+from lmm import kernels, kernels_numpy
 from lmm.evaluator import Evaluator
 from lmm.interchange import read_network
+from lmm.layout import Layout
 from lmm.network import Network
+from motion import quat
+from motion.pose import Poses
 
 TYPES = ("float32", "float16", "int8")
 # Narrow and wide, shallow and deep; panels of 32, 8 at a time, are met exactly and missed both ways.
@@ -161,3 +164,46 @@ print("same")
         env=environment, cwd=Path(__file__).parents[1], capture_output=True, text=True,
     )  # fmt: skip
     assert ran.stdout.strip() == "same", ran.stderr
+
+
+def test_poses_of_vectors_equal_their_twins():
+    rng = np.random.default_rng(3)
+    layout, count = Layout(9, 3), 200
+    vectors = rng.normal(size=(count, layout.size)).astype(np.float32)
+    # Rotations about any axis by any angle, as two columns that are neither of length 1 nor at right angles.
+    turns = quat.normalize(rng.normal(size=(count, 8, 4)))
+    turns[:20], turns[20:40, :, 0] = [0, 1, 0, 0], 1e-4
+    turns[40], turns[41] = [0, 0, 1, 0], [0, 0, 0, 1]
+    xy = quat.to_matrix(quat.normalize(turns))[..., :2] + 0.1 * rng.normal(size=(count, 8, 3, 2))
+    vectors[:, layout.slices["rotations"]] = xy.reshape(count, -1)
+    expected, feet = layout.unpack(vectors, 30.0)
+    for module in (kernels, kernels_numpy):
+        poses, contacts = Poses.empty(count, 9), np.full((count, 3), 9, np.uint8)
+        poses.positions[:, 0, 1] = 5  # what was there before does not stay
+        module.unpack(vectors, 30.0, *poses.arrays().values(), contacts)
+        np.testing.assert_array_equal(contacts, feet)
+        for name, array in poses.arrays().items():
+            if name == "rotations":
+                angles = quat.angle_between(array.astype(float), expected.rotations.astype(float))
+                assert angles.max() < 2e-3 and np.median(angles) < 1e-3
+                np.testing.assert_allclose(np.linalg.norm(array, axis=-1), 1, atol=1e-5)
+            else:
+                np.testing.assert_allclose(array, expected.arrays()[name], atol=1e-6, err_msg=name)
+
+
+def test_columns_without_direction_give_finite_rotations():
+    layout = Layout(3, 2)
+    vectors = np.zeros((2, layout.size), np.float32)
+    poses, contacts = Poses.empty(2, 3), np.zeros((2, 2), np.uint8)
+    kernels.unpack(vectors, 60.0, *poses.arrays().values(), contacts)
+    assert np.isfinite(poses.rotations).all()
+
+
+def test_a_state_advances_by_a_frame():
+    rng = np.random.default_rng(0)
+    values, rates = rng.normal(size=(2, 5, 7)).astype(np.float32)
+    fast, twin = values.copy(), values.copy()
+    kernels.advance(fast, rates, 60.0)
+    kernels_numpy.advance(twin, rates, 60.0)
+    np.testing.assert_allclose(fast, twin, atol=1e-6)
+    np.testing.assert_allclose(fast, values + rates / 60, atol=1e-6)
