@@ -13,8 +13,9 @@ from mm.build import build
 from mm.cli import main
 from mm.course import load, names
 from mm.database import Database
+from mm.description import Description
 from mm.recording import Recording
-from mm.run import fitted, summarise
+from mm.runs import fitted, summarise
 from mm.settings import Settings
 from motion import bvh, config
 from motion.errors import UserError
@@ -148,13 +149,13 @@ def test_tags_that_no_frame_has(tagged, options, message):
 
 
 def test_courses_are_fitted_to_the_data_unless_as_written(db):
-    database, course = Database.load(db), load("thesis")
-    assert fitted(course, database, as_written=True) is course
-    scaled = fitted(course, database, running=2.5)
+    description, course = Description.of(Database.load(db)), load("thesis")
+    assert fitted(course, description, as_written=True) is course
+    scaled = fitted(course, description, running=2.5)
     assert scaled.waypoints[0].speed == pytest.approx(1.2, rel=0.05)
     assert scaled.waypoints[2].speed == pytest.approx(2.5)
     with pytest.raises(UserError, match="as written and scaled"):
-        fitted(course, database, walk=1.0, as_written=True)
+        fitted(course, description, walk=1.0, as_written=True)
 
 
 @pytest.mark.parametrize(
