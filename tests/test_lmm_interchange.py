@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from lmm import interchange
+from lmm.evaluator import Evaluator
 from lmm.model import RUNTIME, Model
 from lmm.network import Network
 from mm import interchange as databases
@@ -271,6 +272,7 @@ def test_official_networks_answer_as_the_public_reference(data: Path, name: str)
     network, inputs, expected = _oracle(data, name)
     assert len(inputs) == 32 and expected.shape[1] == network.sizes[-1]
     _assert_near(network.evaluate(inputs), expected)
+    _assert_near(Evaluator(network).evaluate(inputs), expected)
 
 
 @pytest.mark.parametrize("name", RUNTIME)
