@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numba
 import numpy as np
@@ -14,7 +15,7 @@ _jit = numba.njit(cache=True, nogil=True, error_model="numpy")
 BLOCK = 96  # rows that go through all layers together, at most: what lies between them stays in the cache
 # Up to so many rows each goes by itself, past inputs that are 0; compact weights must be widened for more.
 FEW, FEW_COMPACT = 3, 7
-TINY = np.float32(1e-8)  # shorter columns of a rotation are no direction
+TINY: Any = np.float32(1e-8)  # shorter columns of a rotation are no direction
 
 
 @_jit

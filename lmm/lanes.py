@@ -14,12 +14,14 @@ from typing import Any
 
 from llvmlite import binding, ir
 from numba import extending, types
-from numba.core import cgutils, config
+from numba.core import cgutils
+from numba.core import config as numba_config
 
 LANES = 16
 PANEL = 2 * LANES
 
 intrinsic: Any = extending.intrinsic  # its type says that calls take the context too
+config: Any = numba_config  # whose settings come from the environment
 
 _BYTE, _SHORT, _INT, _LONG = (ir.IntType(bits) for bits in (8, 16, 32, 64))
 _FLOAT, _HALF = ir.FloatType(), ir.HalfType()
