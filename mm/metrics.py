@@ -33,8 +33,8 @@ class Errors:
     worst_joint: int
 
 
-def _errors(values: Array) -> Errors:
-    """values [..., J]; the worst joint is the one with the largest mean error, which `worst` gives."""
+def errors(values: Array) -> Errors:
+    """Of values [..., J]; the worst joint is the one with the largest mean error, which `worst` gives."""
     joints = values.reshape(-1, values.shape[-1]).mean(axis=0)
     joint = int(np.argmax(joints))
     p99 = float(np.percentile(values, 99))
@@ -46,18 +46,22 @@ def joint_position_error(truth: Array, found: Array) -> Errors:
 
     Roots aligned: give positions in the ground root's space, without the root itself.
     """
-    return _errors(100 * np.linalg.norm(np.asarray(found) - truth, axis=-1))
+    return errors(100 * np.linalg.norm(np.asarray(found) - truth, axis=-1))
 
 
 def rotation_error(truth: Array, found: Array) -> Errors:
     """Angle 2 acos |truth . found| between unit quaternions [..., J, 4], in degrees."""
-    return _errors(np.degrees(quat.angle_between(np.asarray(truth), np.asarray(found))))
+    return errors(np.degrees(quat.angle_between(np.asarray(truth), np.asarray(found))))
 
 
-def velocity_error(truth: Array, found: Array, fps: float) -> Errors:
-    """Difference of the finite-difference velocities of joint positions [T, ..., J, 3], in cm/s."""
-    moved, should = (np.diff(np.asarray(p, np.float64), axis=0) for p in (found, truth))
-    return _errors(100 * fps * np.linalg.norm(moved - should, axis=-1))
+def velocity_error(truth: Array, found: Array, fps: float, *, starts: ArrayLike = ()) -> Errors:
+    """Difference of the finite-difference velocities of joint positions [T, ..., J, 3], in cm/s.
+
+    starts: frames that begin a clip; no step leads to them.
+    """
+    moved = np.diff(np.asarray(found, np.float64) - truth, axis=0)
+    steps = np.delete(moved, [start - 1 for start in np.asarray(starts, np.int64) if start > 0], axis=0)
+    return errors(100 * fps * np.linalg.norm(steps, axis=-1))
 
 
 def resting_heights(

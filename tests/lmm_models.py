@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import tempfile
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -84,3 +85,41 @@ def model(db: Database, *, latents: int = LATENTS, hidden: int = 16) -> Model:
     made.state_low, made.state_high = table.min(axis=0), table.max(axis=0)
     made.state_std = table.std(axis=0)
     return made
+
+
+def layer(weight: np.ndarray, bias: np.ndarray) -> Network:
+    """A network of one layer, y = x W + b."""
+    inputs, outputs = weight.shape
+    ends = [np.full(n, v, np.float32) for n in (inputs, outputs) for v in (0, 1)]
+    return Network(
+        *ends, (np.asarray(weight, np.float32),), (None,), (np.asarray(bias, np.float32),)
+    )  # fmt: skip
+
+
+def linear_model(db: Database, *, latents: int | None = None) -> Model:
+    """A model of a database whose networks are one layer each, so that their errors are known.
+
+    Latents are the first principal components of the decompressor's vectors (all that vary when None), which
+    the decompressor turns back; the stepper stands still; the projector answers with the query itself and
+    latents of 0, the mean.
+    """
+    base = model(db, latents=latents or 1)
+    vectors = base.layout.pack(db).astype(np.float64)
+    mean = vectors.mean(axis=0)
+    _, sizes, axes = np.linalg.svd(vectors - mean, full_matrices=False)
+    count = latents or int(np.sum(sizes > 1e-5 * sizes[0]))
+    axes, features = axes[:count], db.schema.size
+    rest = compressor_inputs(db, slice(0, 1)).shape[1] - len(mean)
+    state = features + count
+    echo = np.eye(base.projector.sizes[0], state) * (np.arange(state) < features)
+    table = np.concatenate([db.features, (vectors - mean) @ axes.T], axis=1).astype(np.float32)
+    return replace(
+        base,
+        compressor=layer(np.concatenate([axes.T, np.zeros((rest, count))]), -mean @ axes.T),
+        decompressor=layer(np.concatenate([np.zeros((features, len(mean))), axes]), mean),
+        stepper=layer(np.zeros((state, state)), np.zeros(state)),
+        projector=layer(echo, np.zeros(state)),
+        state_low=table.min(axis=0),
+        state_high=table.max(axis=0),
+        state_std=table.std(axis=0),
+    )

@@ -38,6 +38,15 @@ def test_velocity_error_ignores_a_constant_offset():
     assert metrics.velocity_error(truth, faster, FPS).mean == pytest.approx(25)
 
 
+def test_velocity_error_leaves_out_steps_between_clips():
+    truth = np.zeros((6, 2, 3))
+    found = truth.copy()
+    found[3:, :, 0] += 1  # a metre from one frame to the next, 6,000 cm/s in one of five steps
+    assert metrics.velocity_error(truth, found, FPS).mean == pytest.approx(6000 / 5)
+    assert metrics.velocity_error(truth, found, FPS, starts=[0, 3]).mean == 0
+    assert metrics.velocity_error(truth, found, FPS, starts=[0, 2]).mean == pytest.approx(6000 / 4)
+
+
 def foot(speed: float, height: float, frames: int = 61) -> np.ndarray:
     """One foot [T, 1, 3] that slides along x at a height."""
     x = speed * np.arange(frames) / FPS
