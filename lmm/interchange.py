@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mm import interchange
 from mm.database import Database
@@ -20,6 +21,7 @@ from mm.description import Description
 from motion import files
 from motion.errors import UserError
 
+from .evaluation import decompressor
 from .layout import Layout
 from .model import CHUNK, RUNTIME, Model
 from .network import NORMALISATION, Array, Network
@@ -116,8 +118,9 @@ def import_directory(directory: PathLike, database: Database) -> Model:
     """The model of a folder's ``decompressor.bin``, ``stepper.bin`` and ``projector.bin``.
 
     What the files do not hold is taken from the database that they were trained on; what does not fit it is a
-    UserError. The compressor is in no file, so the model has none. The latents' range comes from
-    ``latent.bin`` if it is there, else from what the projector answers to the database's own frames.
+    UserError. The compressor is in no file, so the model has none. The latents of the database's frames,
+    whose range is the model's and by which its errors are measured, come from ``latent.bin`` if it is there,
+    else they are what the projector answers to the frames.
     """
     folder = Path(directory)
     if files.kind(folder / "decompressor.bin") != "file":
@@ -141,19 +144,50 @@ def import_directory(directory: PathLike, database: Database) -> Model:
     for name, network in networks.items():
         _check_ends(folder / f"{name}.bin", network, *ends[name], database)
     _check_normalisation(folder / "features.bin", database)
-    table = np.concatenate([database.features, _latents(folder, networks, description, database)], axis=1)
-    return Model(
+    state_of = np.concatenate([database.features, _latents(folder, networks, description, database)], axis=1)
+    model = Model(
         description=description,
         **networks,
         compressor=None,
-        state_low=table.min(axis=0),
-        state_high=table.max(axis=0),
-        state_std=table.std(axis=0, dtype=np.float64).astype(np.float32),
+        state_low=state_of.min(axis=0),
+        state_high=state_of.max(axis=0),
+        state_std=state_of.std(axis=0, dtype=np.float64).astype(np.float32),
         database=database.fingerprint,
         ranges=len(database.starts),
         frames=len(database),
         training={"recipe": "imported"},
     )
+    model.errors["decompressor"] = {"all": mean_errors(model, database, state_of[:, features:])}
+    return model
+
+
+def mean_errors(
+    model: Model, database: Database, latents: Array, *, ranges: NDArray[np.bool_] | None = None
+) -> dict[str, float]:
+    """How far the decompressor's poses are off: position_cm and rotation_deg, means over joints and frames.
+
+    latents [T, L] of the database's frames; ranges: a mask [R] of those to look at.
+    """
+    errors = decompressor.errors(model, database, latents, ranges=ranges)
+    return {name: errors[name]["mean"] for name in ("position_cm", "rotation_deg")}
+
+
+def own_queries(
+    description: Description, database: Database, frames: slice | NDArray[np.int64] = slice(None)
+) -> Array:
+    """Queries [T, F], or [T, F + 1] with crouching, that ask for a database's own frames."""
+    features = database.features[frames]
+    if not description.crouch_tag:
+        return features
+    crouched = (database.tags[frames] & np.uint32(description.crouch_tag)) != 0
+    return np.concatenate([features, crouched[:, None].astype(np.float32)], axis=1)
+
+
+def projected_latents(projector: Network, description: Description, database: Database) -> Array:
+    """The latents [T, L] that a projector answers to a database's own frames."""
+    queries, features = own_queries(description, database), description.schema.size
+    parts = range(0, len(queries), CHUNK)
+    return np.concatenate([projector.evaluate(queries[at : at + CHUNK])[:, features:] for at in parts])
 
 
 def _check_ends(path: Path, network: Network, inputs: int, outputs: int, database: Database) -> None:
@@ -185,19 +219,14 @@ def _latents(
     folder: Path, networks: dict[str, Network], description: Description, database: Database
 ) -> Array:
     """Latents [T, L] of a database's frames."""
-    features, state = description.schema.size, networks["stepper"].sizes[0]
+    expected = networks["stepper"].sizes[0] - description.schema.size
     if files.kind(folder / "latent.bin") is None:
-        crouched = (database.tags & np.uint32(description.crouch_tag)) != 0
-        asked = crouched[:, None].astype(np.float32)[:, : networks["projector"].sizes[0] - features]
-        queries = np.concatenate([database.features, asked], axis=1)
-        parts = range(0, len(queries), CHUNK)
-        answers = [networks["projector"].evaluate(queries[at : at + CHUNK])[:, features:] for at in parts]
-        return np.concatenate(answers)
+        return projected_latents(networks["projector"], description, database)
     latents = interchange.read_latent(folder / "latent.bin")
-    if latents.shape != (len(database), state - features):
+    if latents.shape != (len(database), expected):
         raise UserError(
             f"latents of {latents.shape[0]} frames x {latents.shape[1]}; the database has {len(database)} "
-            f"frames and the networks take {state - features} latents",
+            f"frames and the networks take {expected} latents",
             path=folder / "latent.bin",
             remedy="give the database that the networks were trained on",
         )

@@ -1,0 +1,193 @@
+"""Commands that exchange models: with the public reference, as ONNX, with other weights."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+import numpy as np
+
+from motion import console
+from motion.errors import UserError
+
+if TYPE_CHECKING:
+    from mm.database import Database
+
+    from .model import Model
+
+FAR = 10.0  # cm that poses are off on average where networks do not know the data
+SAMPLE = 2000  # frames are enough for a mean
+
+DB = click.option("--db", type=click.Path(), metavar="DB", help="The database that it was trained from.")
+
+
+@click.command(epilog="Example: python -m lmm export walk.lmm --format onnx -o networks")
+@click.argument("model", type=click.Path())
+@click.option(
+    "--format", "form", type=click.Choice(("reference", "onnx")), required=True, help="What to write."
+)
+@click.option("-o", "--output", required=True, type=click.Path(), metavar="DIR", help="Folder to write into.")
+@DB
+def export(model: str, form: str, output: str, db: str | None) -> None:
+    """Write a model's networks for other programs.
+
+    \b
+    reference  decompressor.bin, stepper.bin, projector.bin as the public reference
+               reads them, all float32; with --db also latent.bin, features.bin and
+               database.bin
+    onnx       decompressor.onnx, stepper.onnx, projector.onnx with the normalisation
+               inside and weights as the model has them; their metadata says what
+               their numbers mean
+    """
+    from mm.database import Database
+    from motion import files
+
+    from . import interchange, onnx_export
+    from .model import Model
+
+    if form == "onnx" and db:
+        raise UserError("--db goes with --format reference", remedy="leave it out")
+    onnx = form == "onnx"
+    expected = onnx_export.outputs(output) if onnx else interchange.outputs(output, with_database=bool(db))
+    for path in expected:
+        files.check_output(path, inputs=[model, db])
+    found = Model.load(model)
+    if onnx:
+        paths = onnx_export.export_directory(found, output)
+    else:
+        database = Database.load(db) if db else None
+        if database is not None:
+            found.check(database, model)
+        paths = interchange.export_directory(found, output, database=database)
+    for path in paths:
+        print(f"{path}: {path.stat().st_size / 1e6:.2f} MB")
+
+
+@click.command(
+    "import", epilog="Example: python -m lmm import reference/resources --db walk.mmdb -o walk.lmm"
+)
+@click.argument("directory", type=click.Path())
+@click.option(
+    "--db",
+    required=True,
+    type=click.Path(),
+    metavar="DB",
+    help="The database that they were trained from; of the reference's files: python -m mm import.",
+)
+@click.option("-o", "--output", required=True, type=click.Path(), metavar="MODEL", help="Model to write.")
+def import_(directory: str, db: str, output: str) -> None:
+    """Read the public reference's networks.
+
+    DIRECTORY holds its decompressor.bin, stepper.bin and projector.bin and, if there, latent.bin.
+
+    Skeleton, features, their normalisation and the rate are the database's. Networks that were trained on
+    another one run, but make no sense: how far their poses are off is measured and printed.
+    """
+    from mm.database import Database
+    from motion import files
+
+    from . import interchange
+
+    binaries = [Path(directory, f"{name}.bin") for name in (*interchange.RUNTIME, "latent", "features")]
+    files.check_output(output, inputs=[db, *binaries])
+    model = interchange.import_directory(directory, Database.load(db))
+    model.save(output)
+    off = model.errors["decompressor"]["all"]
+    print(
+        f"{output}: {model.parameters:,} parameters, {Path(output).stat().st_size / 1e6:.2f} MB; "
+        f"poses of the database's frames are {off['position_cm']:.2f} cm and "
+        f"{off['rotation_deg']:.2f} degrees off"
+    )
+    if off["position_cm"] > FAR:
+        print("note: so far off, the networks are hardly of this database", file=sys.stderr)
+
+
+@click.command(epilog="Example: python -m lmm convert walk.lmm -o small.lmm --weights int8 --db walk.mmdb")
+@click.argument("model", type=click.Path())
+@click.option("-o", "--output", required=True, type=click.Path(), metavar="MODEL2", help="Model to write.")
+@click.option(
+    "--weights",
+    required=True,
+    type=click.Choice(("float32", "float16", "int8")),
+    help="How to store weights.",
+)
+@click.option(
+    "--without-compressor", is_flag=True, help="Leave out what only makes latents of a database's frames."
+)
+@click.option("--db", type=click.Path(), metavar="DB", help="Measure errors on the database of the model.")
+@console.json_option
+def convert(
+    model: str, output: str, weights: Any, without_compressor: bool, db: str | None, as_json: bool
+) -> None:
+    """Store a model's weights otherwise, and say what that saves and, with --db, what it costs.
+
+    int8 has a scale for every output of a layer. The compressor, which runs nowhere but on whole databases,
+    is stored as float16 then.
+
+    Errors are those of the decompressor's poses, in cm and degrees, on clips that were trained on and on
+    those held out, from the latents of the model as it was; and how much the answers of stepper and projector
+    change, as a share of how much they vary.
+    """
+    from mm.database import Database
+    from motion import files
+
+    from .model import Model
+
+    files.check_output(output, inputs=[model, db])
+    before = Model.load(model)
+    database = Database.load(db) if db else None
+    if database is not None:
+        before.check(database, model)
+    after = before.as_type(weights)
+    if without_compressor:
+        after = replace(after, compressor=None)
+    after.save(output)
+    rows = [_row(path, found) for path, found in ((model, before), (output, after))]
+    if database is not None:
+        for row, found in zip(rows, (before, after), strict=True):
+            row |= _errors(before, found, database)
+    if as_json:
+        console.print_json(rows)
+    else:
+        console.print_table([{key.replace("_", " "): value for key, value in row.items()} for row in rows])
+
+
+def _row(path: str, model: Model) -> dict[str, Any]:
+    return {
+        "model": path,
+        "weights": model.decompressor.weight_type,
+        "compressor": model.compressor.weight_type if model.compressor else None,
+        "file_bytes": Path(path).stat().st_size,
+        "runtime_bytes": sum(model.memory().values()),
+    }
+
+
+def _errors(before: Model, after: Model, database: Database) -> dict[str, Any]:
+    """Of a model whose weights were stored otherwise."""
+    from . import interchange
+
+    if before.compressor is not None:
+        latents = before.latents(database)
+    else:
+        latents = interchange.projected_latents(before.projector, before.description, database)
+    trained = before.training_ranges(database)
+    found: dict[str, Any] = {}
+    for part, ranges in (("trained", trained), ("held_out", ~trained)):
+        off = interchange.mean_errors(after, database, latents, ranges=ranges) if ranges.any() else {}
+        found |= {
+            f"{part}_{name}": round(off[name], 4) if off else None for name in ("position_cm", "rotation_deg")
+        }
+    sample = np.unique(np.linspace(0, len(database) - 1, SAMPLE).astype(np.int64))
+    inputs = {
+        "stepper": np.concatenate([database.features[sample], latents[sample]], axis=1),
+        "projector": interchange.own_queries(before.description, database, sample),
+    }
+    for name, x in inputs.items():
+        truth = before.networks[name].evaluate(x)
+        change = np.abs(after.networks[name].evaluate(x) - truth)
+        varies = float(np.abs(truth - truth.mean(axis=0)).mean())
+        found[f"{name}_change"] = round(float(change.mean()) / varies, 6) if varies > 0 else None
+    return found
