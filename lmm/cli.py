@@ -2,9 +2,157 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
 from motion import console
+from motion.errors import UserError
+
+from .exchange_cli import convert, export, import_
+from .training.settings import PRESETS, RECIPES
+
+if TYPE_CHECKING:
+    from .model import Model
+    from .training.settings import Settings
 
 
 @console.group("lmm", "Learned Motion Matching: train networks from a motion database, judge and run them.")
 def main() -> None:
     pass
+
+
+@main.command(epilog="Example: python -m lmm train walk.mmdb -o walk.lmm --preset quick")
+@click.argument("db", type=click.Path())
+@click.option("-o", "--output", required=True, type=click.Path(), metavar="MODEL", help="Model to write.")
+@click.option(
+    "--preset", type=click.Choice(PRESETS), default="full", show_default=True, help="How long to train."
+)
+@click.option(
+    "--recipe", type=click.Choice(RECIPES), default="ours", show_default=True, help="Ours, or as published."
+)
+@click.option("--seed", type=click.IntRange(0), help="Of clips held out, weights, batches.  [default: 0]")
+@click.option("--resume", is_flag=True, help="Go on from the checkpoint of a training that was stopped.")
+@click.option(
+    "--config", type=click.Path(), metavar="FILE", help="TOML file with settings over the preset's."
+)
+@click.option(
+    "--held-out",
+    type=console.Number(0, 0.9),
+    metavar="SHARE",
+    help="Share of the data, in whole clips, to judge by and not to train on.  [default: 0.1]",
+)
+@click.option("--device", type=click.Choice(("cpu", "cuda")), help="Where to train.  [default: cpu]")
+@click.option("--threads", type=click.IntRange(1, 1024), help="Threads of the processor.  [default: torch's]")
+@click.option("--tensorboard", type=click.Path(), metavar="FOLDER", help="Log for TensorBoard too.")
+@console.json_option
+def train(
+    db: str,
+    output: str,
+    preset: str,
+    recipe: str,
+    resume: bool,
+    config: str | None,
+    tensorboard: str | None,
+    as_json: bool,
+    **chosen: Any,
+) -> None:
+    """Train a model from a database that `python -m mm build` wrote.
+
+    First the compressor with the decompressor, then the stepper, then the projector. MODEL.jsonl logs losses
+    and errors; MODEL.checkpoint is there until the model is written, --resume goes on from it: the same
+    command and --resume come to the same model, however often the training was stopped.
+
+    \b
+    A file for --config, with any of the settings, which are stored in the model:
+      latent = 24
+      [stepper]
+      batch = 64
+      iterations = 20000
+    """
+    from motion import files
+
+    from . import summary
+    from .training import checkpoint, log, settings
+
+    base = settings.preset(recipe, preset)
+    asked = settings.load(config, base) if config else base
+    asked = replace(asked, **{name: value for name, value in chosen.items() if value is not None})
+    inputs = [db, config]
+    for path in (output, log.path_of(output), checkpoint.path_of(output)):
+        files.check_output(path, inputs=inputs)
+    model = _train(db, output, asked, resume=resume, tensorboard=tensorboard)
+    facts = summary.describe(model, output) | {"log": str(log.path_of(output)), "minutes": _minutes(output)}
+    if as_json:
+        console.print_json(facts)
+    else:
+        size = facts["file_bytes"] / 1e6
+        minutes, parameters = facts["minutes"], facts["parameters"]
+        print(f"{output}: {parameters:,} parameters, {size:.1f} MB, trained in {minutes:.1f} minutes")
+        summary.show_errors(facts["errors"])
+
+
+@console.needs("train", "torch")
+def _train(db: str, output: str, settings: Settings, **options: Any) -> Model:
+    from mm.database import Database
+
+    from .training import split
+    from .training.train import train
+
+    database = Database.load(db)
+    try:
+        split.held_out(database, settings)
+    except UserError as error:
+        raise UserError(error.what, path=db, remedy=error.remedy) from error
+    return train(database, output, settings, **options)
+
+
+def _minutes(output: str) -> float:
+    """Of training, as the log has it."""
+    from .training import log
+
+    return round(log.read(log.path_of(output))[-1]["seconds"] / 60, 2)
+
+
+@main.command(epilog="Example: python -m lmm info walk.lmm --json")
+@click.argument("model", type=click.Path())
+@console.json_option
+def info(model: str, as_json: bool) -> None:
+    """Describe a model."""
+    from . import summary
+    from .model import Model
+
+    facts = summary.describe(Model.load(model), model)
+    if as_json:
+        console.print_json(facts)
+    else:
+        summary.show(facts)
+
+
+@main.command(epilog="Example: python -m lmm curves ours.lmm.jsonl reference.lmm.jsonl -o curves.png")
+@click.argument("logs", nargs=-1, required=True, type=click.Path(), metavar="LOG...")
+@click.option(
+    "-o", "--output", required=True, type=click.Path(), metavar="PICTURE", help=".png or .svg to write."
+)
+@click.option("--names", metavar="A,B", help="What to call the logs.  [default: their files' names]")
+def curves(logs: tuple[str, ...], output: str, names: str | None) -> None:
+    """Draw error against minutes of training, on held-out clips and on those trained on.
+
+    LOG is what `train` writes beside a model; several are compared in one picture, a panel a stage.
+    """
+    from .training import curves as drawing
+
+    called = names.split(",") if names else [Path(one).name.removesuffix(".jsonl") for one in logs]
+    if len(called) != len(logs):
+        raise UserError(f"{len(called)} names of {len(logs)} logs", remedy="give a name a log: --names A,B")
+    drawing.check_output(output, inputs=logs)
+    drawing.save(output, logs, called)
+    print(f"wrote {output}")
+
+
+# Commands of other modules.
+main.add_command(export)
+main.add_command(import_)
+main.add_command(convert)

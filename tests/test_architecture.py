@@ -18,6 +18,7 @@ from click.testing import CliRunner
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = [p for p in ("motion", "features", "mm", "lmm", "bench", "viewer") if (ROOT / p).is_dir()]
 COMMANDS = [p for p in PACKAGES if (ROOT / p / "__main__.py").is_file()]
+TRAINING = ROOT / "lmm" / "training"  # of the whole program the part that needs torch
 EXTRAS = ["torch", "open3d", "onnx", "onnxruntime", "pygltflib", "pybvh"]
 SLOW = [
     "matplotlib",
@@ -44,7 +45,7 @@ def test_importing_everything_needs_no_extra_and_prints_nothing(package: str) ->
     names = [
         ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
         for path in sorted((ROOT / package).rglob("*.py"))
-        if path.name != "__main__.py"
+        if path.name != "__main__.py" and TRAINING not in path.parents
     ]
     modules = imported_by("import " + ", ".join(names))
     assert package in modules
@@ -55,7 +56,12 @@ def test_importing_everything_needs_no_extra_and_prints_nothing(package: str) ->
 def test_the_command_starts_without_slow_libraries(package: str) -> None:
     modules = imported_by(f"import {package}.cli")
     assert "click" in modules
-    assert not set(SLOW) & set(modules)
+    assert not {*SLOW, *EXTRAS} & set(modules)
+
+
+def test_what_is_told_of_a_training_needs_no_torch() -> None:
+    names = [f"lmm.training.{name}" for name in ("settings", "split", "log", "curves", "checkpoint")]
+    assert not set(EXTRAS) & set(imported_by("import " + ", ".join(names)))
 
 
 def test_import_rules_and_metadata_cover_every_package() -> None:
@@ -89,6 +95,7 @@ ALL = dict(commands())
 
 def test_the_commands_promised_are_there() -> None:
     promised = ["motion info", "motion convert", "mm build", "mm info", "mm run", "mm import", "mm export"]
+    promised += ["lmm train", "lmm info", "lmm curves"]
     assert set(promised) | {"bench compare", "bench search"} <= set(ALL)
 
 

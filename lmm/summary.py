@@ -1,0 +1,87 @@
+"""What a model is: sizes, what it was trained from and how, its errors."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from motion import console
+
+from .model import Model
+
+
+def describe(model: Model, path: str) -> dict[str, Any]:
+    """What a model is, as plain data."""
+    about = model.description
+    networks = model.networks | ({"compressor": model.compressor} if model.compressor else {})
+    return {
+        "path": path,
+        "fingerprint": model.fingerprint,
+        "file_bytes": Path(path).stat().st_size,
+        "parameters": model.parameters,
+        "bytes": model.memory(),
+        "networks": {
+            name: {
+                "sizes": list(network.sizes),
+                "activation": network.activation,
+                "weights": network.weight_type,
+                "parameters": network.parameters,
+                "bytes": network.nbytes,
+            }
+            for name, network in networks.items()
+        },
+        "joints": len(about.skeleton),
+        "fps": about.fps,
+        "schema": about.schema.name,
+        "features": model.F,
+        "latent": model.L,
+        "database": model.database,
+        "database_frames": model.frames,
+        "database_ranges": model.ranges,
+        "held_out": list(model.held_out),
+        "training": model.training,
+        "errors": model.errors,
+    }
+
+
+def show(facts: dict[str, Any]) -> None:
+    """Print it for people."""
+    training = facts["training"]
+    how = ", ".join(f"{name} {training[name]}" for name in ("recipe", "preset", "seed") if name in training)
+    sizes = ", ".join(f"{name} {size / 1e6:.2f}" for name, size in facts["bytes"].items())
+    held_out = facts["held_out"]
+    print(
+        f"{facts['path']}: {facts['parameters']:,} parameters, {facts['joints']} joints at "
+        f"{facts['fps']:g} fps, schema {facts['schema']}, "
+        f"{facts['features']} features, {facts['latent']} latents"
+    )
+    print(f"fingerprint  {facts['fingerprint']}")
+    print(
+        f"database     {facts['database'] or 'unknown'}, {facts['database_frames']:,} frames "
+        f"in {facts['database_ranges']} ranges"
+    )
+    print(f"held out     {', '.join(held_out) or 'nothing'}")
+    print(f"training     {how or 'unknown'}")
+    print(f"megabytes    {facts['file_bytes'] / 1e6:.2f} in the file; at run time {sizes}")
+    rows = [
+        {"network": name, **network, "sizes": "-".join(map(str, network["sizes"]))}
+        for name, network in facts["networks"].items()
+    ]
+    console.print_table(rows)
+    show_errors(facts["errors"])
+
+
+def show_errors(errors: dict[str, Any]) -> None:
+    """Print a model's errors as a table."""
+    rows = [{"error": name, "value": value} for name, value in _flat(errors)]
+    if rows:
+        console.print_table(rows)
+
+
+def _flat(values: dict[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
+    """Nested names and their values, the names joined by spaces."""
+    found: list[tuple[str, Any]] = []
+    for name, value in values.items():
+        text = f"{prefix}{name.replace('_', ' ')}"
+        found += _flat(value, f"{text} ") if isinstance(value, dict) else [(text, value)]
+    return found

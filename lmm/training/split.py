@@ -1,0 +1,55 @@
+"""Which clips are trained on and which are held out, to see what the networks do with what they never saw."""
+
+from __future__ import annotations
+
+from mm.database import Database
+from motion.errors import UserError
+
+from .randomness import generator
+from .settings import Settings
+
+
+def held_out(database: Database, settings: Settings) -> tuple[str, ...]:
+    """Names of whole clips that make about settings.held_out of the frames, by settings.seed; at least one.
+
+    A clip's mirrored copy goes with it. Where one part would have no clip that is as long as the longest
+    window, a UserError says so.
+    """
+    longest = max(settings.decompressor.window, settings.stepper.window, settings.projector.window)
+    lengths = database.stops - database.starts
+    frames = {name: 0 for name in database.names}
+    fits = dict.fromkeys(frames, False)
+    for name, length in zip(database.names, lengths.tolist(), strict=True):
+        frames[name] += length
+        fits[name] |= length >= longest
+    if not any(fits.values()):
+        what = f"no clip is as long as a window, {longest} frames"
+        raise UserError(f"too small a database: {what}", remedy="build one of longer clips")
+    if settings.held_out == 0:
+        return ()
+    able = [name for name in frames if fits[name]]
+    if len(able) < 2:
+        what = f"{len(able)} of {len(frames)} clips is as long as a window, {longest} frames"
+        raise UserError(
+            f"too small a database to hold a clip out: {what}"
+            if len(frames) > 1
+            else "a database of one clip",
+            remedy="build one of more clips, or train on all of it with --held-out 0",
+        )
+    return _drawn(frames, able, settings)
+
+
+def _drawn(frames: dict[str, int], able: list[str], settings: Settings) -> tuple[str, ...]:
+    """Clips in random order, each taken that brings the share nearer to what is asked for."""
+    wanted = settings.held_out * sum(frames.values())
+    order = [able[i] for i in generator(settings.seed, "held out").permutation(len(able))]
+    taken: set[str] = set()
+    total = 0
+    for name in order[:-1]:  # the last one stays, whatever the share
+        if abs(total + frames[name] - wanted) < abs(total - wanted):
+            taken.add(name)
+            total += frames[name]
+    if not taken:
+        # All are longer than twice what is wanted: the shortest.
+        taken.add(min(able, key=lambda name: frames[name]))
+    return tuple(name for name in frames if name in taken)

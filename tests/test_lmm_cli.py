@@ -1,0 +1,262 @@
+"""``python -m lmm`` from the outside: what it prints, what it writes, how it fails."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import lmm_models
+import pytest
+from click.testing import CliRunner, Result
+
+from lmm.cli import main
+from lmm.model import Model
+from lmm.training import settings as training_settings
+from lmm.training.settings import Settings
+from mm.database import Database
+from motion import files
+
+LINE = {
+    "stage": "projector",
+    "iteration": 30,
+    "seconds": 90.0,
+    "learning_rate": 1e-3,
+    "loss": {"position": 2.0},
+    "errors": {"training": {"error_cm": 1.0}, "held_out": {"error_cm": 2.0}},
+}
+
+
+def _lmm(*arguments: object) -> Result:
+    return CliRunner().invoke(main, [str(argument) for argument in arguments])
+
+
+def _fails(*arguments: object) -> str:
+    """The one line of a command that fails as it should."""
+    result = _lmm(*arguments)
+    lines = result.stderr.splitlines()
+    assert result.exit_code == 2 and len(lines) == 1 and lines[0].startswith("error: "), result.output
+    return lines[0]
+
+
+@pytest.fixture(scope="module")
+def db(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("lmm") / "walk.mmdb"
+    lmm_models.database().save(path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def model(db: Path) -> Path:
+    path = db.parent / "walk.lmm"
+    lmm_models.model(Database.load(db)).save(path)
+    return path
+
+
+Call = tuple[str, Settings, dict[str, Any]]
+
+
+@pytest.fixture
+def calls(monkeypatch: pytest.MonkeyPatch) -> list[Call]:
+    """What the command asks of training, which is done by a stand-in that takes no time."""
+    pytest.importorskip("torch", reason="training needs torch: pip install 'motion-matching[train]'")
+    from lmm.training import train
+
+    made: list[Call] = []
+
+    def stand_in(database: Database, output: str, settings: Settings, **options: Any) -> Model:
+        made.append((database.fingerprint, settings, options))
+        found = lmm_models.model(database)
+        found.save(output)
+        Path(f"{output}.jsonl").write_text(json.dumps(LINE) + "\n")
+        return found
+
+    monkeypatch.setattr(train, "train", stand_in)
+    return made
+
+
+def test_train_tells_what_it_made(db: Path, tmp_path: Path, calls: list[Call]) -> None:
+    out = tmp_path / "new" / "walk.lmm"
+    result = _lmm("train", db, "-o", out, "--preset", "smoke")
+    assert result.exit_code == 0 and result.stderr == ""
+    made = Model.load(out)
+    size = out.stat().st_size / 1e6
+    assert f"{out}: {made.parameters:,} parameters, {size:.1f} MB, trained in 1.5 minutes" in result.stdout
+    assert "held out position cm" in result.stdout
+    assert calls == [
+        (
+            Database.load(db).fingerprint,
+            training_settings.preset("ours", "smoke"),
+            {"resume": False, "tensorboard": None},
+        )
+    ]
+
+
+def test_train_passes_its_options(db: Path, tmp_path: Path, calls: list[Call]) -> None:
+    out, own = tmp_path / "walk.lmm", tmp_path / "own.toml"
+    own.write_text("latent = 16\nseed = 3\nheld_out = 0.2\n[stepper]\nbatch = 7\n")
+    options = ["--recipe", "reference", "--preset", "quick", "--config", own, "--seed", 5, "--threads", 2]
+    more = ["--resume", "--tensorboard", tmp_path / "board", "--json"]
+    facts = json.loads(_lmm("train", db, "-o", out, *options, *more).stdout)
+    assert facts["path"] == str(out) and facts["fingerprint"] == Model.load(out).fingerprint
+    assert facts["minutes"] == 1.5 and facts["log"] == f"{out}.jsonl"
+    ((_, settings, passed),) = calls
+    base = training_settings.preset("reference", "quick")
+    stepper = dataclasses.replace(base.stepper, batch=7)
+    # What the command line says counts more than what the file says.
+    assert settings == dataclasses.replace(base, latent=16, held_out=0.2, seed=5, threads=2, stepper=stepper)
+    assert passed == {"resume": True, "tensorboard": str(tmp_path / "board")}
+
+
+def test_the_settings_in_the_help_are_settings(db: Path, tmp_path: Path, calls: list[Call]) -> None:
+    lines = [line.strip() for line in _lmm("train", "--help").stdout.splitlines()]
+    start = lines.index("latent = 24")
+    (tmp_path / "own.toml").write_text("\n".join(lines[start : start + 4]))
+    assert _lmm("train", db, "-o", tmp_path / "m", "--config", tmp_path / "own.toml").exit_code == 0
+    ((_, settings, _),) = calls
+    assert (settings.latent, settings.stepper.batch, settings.stepper.iterations) == (24, 64, 20000)
+
+
+def test_training_that_is_stopped_says_how_to_go_on(
+    db: Path, tmp_path: Path, calls: list[Call], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from lmm.training import train
+
+    def stop(*args: Any, **kwargs: Any) -> Model:
+        raise KeyboardInterrupt("stopped at iteration 7 of the stepper; give --resume to go on from there")
+
+    monkeypatch.setattr(train, "train", stop)
+    result = _lmm("train", db, "-o", tmp_path / "walk.lmm")
+    assert result.exit_code == 130
+    message = result.stderr.lstrip("\n")  # after Ctrl-C the terminal's cursor stands behind a ^C
+    assert message == "error: stopped at iteration 7 of the stepper; give --resume to go on from there\n"
+
+
+def test_training_without_torch(db: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "torch", None)
+    told = _fails("train", db, "-o", tmp_path / "walk.lmm")
+    assert told == "error: torch is not installed; pip install 'motion-matching[train]'"
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--preset", "tiny"], "'tiny' is not one of 'smoke', 'quick', 'full'"),
+        (["--recipe", "theirs"], "'theirs' is not one of"),
+        (["--seed", "-1"], "-1 is not in the range x>=0"),
+        (["--seed", str(2**63)], "seed: "),
+        (["--held-out", "1"], "1 is out of range; give a number 0 to 0.9"),
+        (["--held-out", "nan"], "nan is out of range"),
+        (["--threads", "0"], "0 is not in the range"),
+        (["--device", "tpu"], "'tpu' is not one of"),
+        (["--config", "nowhere.toml"], "nowhere.toml: cannot read"),
+    ],
+)
+def test_options_that_make_no_sense(options: list[str], message: str, db: Path, tmp_path: Path) -> None:
+    assert message in _fails("train", db, "-o", tmp_path / "walk.lmm", *options)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_faults_of_a_config_name_line_and_key(db: Path, tmp_path: Path) -> None:
+    own = tmp_path / "own.toml"
+    own.write_text("[stepper]\nrate = 3\n")
+    told = _fails("train", db, "-o", tmp_path / "walk.lmm", "--config", own)
+    assert f"{own}:2: stepper.rate: unknown key; choose from iterations, " in told
+
+
+def test_outputs_that_cannot_be_written(db: Path, tmp_path: Path) -> None:
+    before = db.read_bytes()
+    assert "would be written over" in _fails("train", db, "-o", db)
+    assert "it is a folder" in _fails("train", db, "-o", tmp_path)
+    (tmp_path / "walk.lmm.jsonl").mkdir()
+    assert "walk.lmm.jsonl: cannot write: it is a folder" in _fails("train", db, "-o", tmp_path / "walk.lmm")
+    assert "cannot write" in _fails("train", db, "-o", "/dev/full/walk.lmm")
+    assert db.read_bytes() == before
+
+
+def test_databases_that_cannot_be_trained_on(db: Path, tmp_path: Path, calls: list[Call]) -> None:
+    out = tmp_path / "walk.lmm"
+    assert "cannot read: No such file" in _fails("train", tmp_path / "nowhere", "-o", out)
+    (tmp_path / "text").write_text("no database")
+    assert "not a motion database" in _fails("train", tmp_path / "text", "-o", out)
+    whole = Database.load(db)
+    stop = int(whole.stops[1])  # the first clip and its mirrored copy
+    assert whole.names[0] == whole.names[1] != whole.names[2]
+    one = dataclasses.replace(
+        whole,
+        poses=whole.poses[:stop],
+        **{name: getattr(whole, name)[:stop] for name in ("contacts", "features", "tags")},
+        **{name: getattr(whole, name)[:2] for name in ("starts", "stops", "names", "mirrored")},
+    )
+    one.save(tmp_path / "one.mmdb")
+    told = _fails("train", tmp_path / "one.mmdb", "-o", out)
+    assert told.startswith(f"error: {tmp_path / 'one.mmdb'}: a database of one clip; ")
+    assert _lmm("train", tmp_path / "one.mmdb", "-o", out, "--held-out", 0).exit_code == 0
+    (tmp_path / "long.toml").write_text("[stepper]\nwindow = 9999\n")
+    told = _fails("train", db, "-o", out, "--config", tmp_path / "long.toml")
+    assert "too small a database: no clip is as long as a window, 9999 frames" in told
+    assert len(calls) == 1
+
+
+def test_info(model: Path, db: Path) -> None:
+    facts = json.loads(_lmm("info", model, "--json").stdout)
+    loaded = Model.load(model)
+    assert facts["parameters"] == loaded.parameters and facts["file_bytes"] == model.stat().st_size
+    assert facts["bytes"] == loaded.memory() and sum(facts["bytes"].values()) < facts["file_bytes"]
+    assert set(facts["networks"]) == {"decompressor", "stepper", "projector", "compressor"}
+    stepper = facts["networks"]["stepper"]
+    assert stepper["sizes"] == [32, 16, 16, 32] and stepper["weights"] == "float32"
+    assert (facts["features"], facts["latent"], facts["joints"], facts["fps"]) == (27, 5, 23, 60)
+    assert facts["database"] == Database.load(db).fingerprint and facts["held_out"] == ["run"]
+    assert facts["training"]["recipe"] == "ours" and facts["errors"] == {"held_out": {"position_cm": 2.0}}
+    text = _lmm("info", model).stdout
+    for part in (
+        f"{loaded.parameters:,} parameters",
+        "23 joints at 60 fps",
+        f"fingerprint  {loaded.fingerprint}",
+        f"database     {loaded.database}",
+        "held out     run",
+        "recipe ours, preset smoke, seed 0",
+        "32-16-16-32",
+        "held out position cm",
+    ):
+        assert part in text
+
+
+def test_info_without_a_compressor(model: Path, tmp_path: Path) -> None:
+    small = dataclasses.replace(Model.load(model).as_type("int8"), compressor=None, held_out=(), training={})
+    small.save(tmp_path / "small.lmm")
+    facts = json.loads(_lmm("info", tmp_path / "small.lmm", "--json").stdout)
+    assert set(facts["networks"]) == {"decompressor", "stepper", "projector"}
+    assert facts["networks"]["stepper"]["weights"] == "int8"
+    text = _lmm("info", tmp_path / "small.lmm").stdout
+    assert "held out     nothing" in text and "training     unknown" in text
+
+
+def test_info_of_what_is_no_model(model: Path, db: Path, tmp_path: Path) -> None:
+    assert "a motion database, expected a learned motion matching model" in _fails("info", db)
+    cut = tmp_path / "cut.lmm"
+    cut.write_bytes(model.read_bytes()[:-100])
+    assert "cut short" in _fails("info", cut)
+    files.save(tmp_path / "odd.lmm", "learned motion matching model", 1, {}, {})
+    assert "damaged learned motion matching model" in _fails("info", tmp_path / "odd.lmm")
+
+
+def test_curves(tmp_path: Path) -> None:
+    logs = [tmp_path / "a.lmm.jsonl", tmp_path / "b.lmm.jsonl"]
+    for log in logs:
+        log.write_text(json.dumps(LINE) + "\n" + json.dumps(LINE | {"seconds": 180.0}) + "\n")
+    result = _lmm("curves", *logs, "-o", tmp_path / "curves.png")
+    assert result.exit_code == 0 and result.stdout == f"wrote {tmp_path / 'curves.png'}\n"
+    assert (tmp_path / "curves.png").read_bytes().startswith(b"\x89PNG")
+    result = _lmm("curves", *logs, "-o", tmp_path / "curves.svg", "--names", "ours,the reference")
+    text = (tmp_path / "curves.svg").read_text()
+    assert result.exit_code == 0 and ">ours<" in text and ">the reference<" in text
+    assert "1 names of 2 logs" in _fails("curves", *logs, "-o", tmp_path / "x.png", "--names", "ours")
+    assert "unknown form of picture" in _fails("curves", *logs, "-o", tmp_path / "x.gif")
+    (tmp_path / "bad.jsonl").write_text("{}\n")
+    told = _fails("curves", tmp_path / "bad.jsonl", "-o", tmp_path / "x.png")
+    assert "bad.jsonl:1: not a line of a training's log" in told
+    assert not (tmp_path / "x.png").exists()

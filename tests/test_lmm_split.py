@@ -1,0 +1,77 @@
+"""Which clips are held out: whole ones, about the share asked for, by the seed alone."""
+
+from __future__ import annotations
+
+import dataclasses
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lmm.training import split
+from lmm.training.settings import Settings
+from motion.errors import UserError
+
+SETTINGS = Settings()
+
+
+def _database(lengths: dict[str, int], *, mirror: bool = True) -> Any:
+    """What of a database counts here: names and lengths of its ranges."""
+    names = [name for name in lengths for _ in range(1 + mirror)]
+    stops = np.cumsum([lengths[name] for name in names], dtype=np.int32)
+    return SimpleNamespace(names=tuple(names), starts=np.append(0, stops[:-1]).astype(np.int32), stops=stops)
+
+
+def test_about_the_share_is_held_out_by_seed() -> None:
+    rng = np.random.default_rng(4)
+    lengths = {f"clip_{i}": int(n) for i, n in enumerate(rng.integers(100, 900, 60))}
+    database, found = _database(lengths), set()
+    for seed in range(8):
+        for share in (0.05, 0.1, 0.3):
+            settings = dataclasses.replace(SETTINGS, seed=seed, held_out=share)
+            names = split.held_out(database, settings)
+            assert names == split.held_out(database, settings)
+            assert len(set(names)) == len(names)
+            taken = sum(lengths[name] for name in names) / sum(lengths.values())
+            assert taken == pytest.approx(share, abs=0.02)
+        found.add(names)
+    assert len(found) == 8
+
+
+def test_at_least_one_clip_and_not_all() -> None:
+    for lengths in ({"a": 300, "b": 200}, {"a": 300, "b": 200, "c": 5}, {"a": 300, "b": 20}):
+        names = split.held_out(_database(lengths), SETTINGS)
+        assert names == ("b",)
+    database = _database({"a": 300, "b": 300, "c": 10})
+    for seed in range(6):
+        names = split.held_out(database, dataclasses.replace(SETTINGS, seed=seed, held_out=0.9))
+        assert len(names) == 1
+
+
+def test_a_share_of_0_holds_nothing_out() -> None:
+    everything = dataclasses.replace(SETTINGS, held_out=0.0)
+    assert split.held_out(_database({"a": 300}), everything) == ()
+
+
+@pytest.mark.parametrize(
+    ("lengths", "message"),
+    [
+        (
+            {"a": 300},
+            "^a database of one clip; build one of more clips, or train on all of it with --held-out 0",
+        ),
+        (
+            {"a": 300, "b": 19},
+            "too small .* to hold a clip out: 1 of 2 clips is as long as a window, 20 frames",
+        ),
+        (
+            {"a": 19, "b": 7},
+            "too small a database: no clip is as long as a window, 20 frames; build one of longer",
+        ),
+        ({"a": 19}, "too small a database: no clip"),
+    ],
+)
+def test_a_database_too_small(lengths: dict[str, int], message: str) -> None:
+    with pytest.raises(UserError, match=message):
+        split.held_out(_database(lengths), SETTINGS)
