@@ -1,4 +1,4 @@
-"""A trained model: the three networks that run, the one that made the latents, and what they were made from."""
+"""A trained model: the networks that run, the one that made the latents, and what they were made from."""
 
 from __future__ import annotations
 
@@ -96,14 +96,14 @@ class Model:
 
     def as_type(self, weight_type: WeightType) -> Model:
         """The same model with its weights stored otherwise (`Network.as_type`)."""
-        networks = {name: network.as_type(weight_type) for name, network in self.networks.items()}
+        networks: dict[str, Any] = {name: n.as_type(weight_type) for name, n in self.networks.items()}
         compressor = self.compressor and self.compressor.as_type(
             "float16" if weight_type == "int8" else weight_type
         )
         return replace(self, **networks, compressor=compressor, fingerprint="")
 
     def training_ranges(self, database: Database) -> NDArray[np.bool_]:
-        """Which ranges [R] of its database it was trained on: all but the held-out clips and their mirrors."""
+        """Which ranges [R] of its database it was trained on: not held-out clips and their mirrors."""
         return np.array([name not in self.held_out for name in database.names], bool)
 
     def latents(self, database: Database) -> NDArray[np.float32]:
@@ -124,33 +124,28 @@ class Model:
     def check(self, database: Database, path: str | os.PathLike[str] | None = None) -> None:
         """A UserError unless the model was trained from this database, or from one that equals it.
 
-        Skeleton, rate, schema, ranges and frames must be the same, the features' statistics nearly so: the
-        same clips give the same database on any machine but for rounding.
+        Joints, rate, schema, contacts, tags, ranges and frames must be the same, the features' statistics
+        nearly so: the same clips give the same database on any machine but for rounding.
         """
-        mine, found = self.description, Description.of(database)
+        mine, remedy = self.description, "give the database that it was trained from, or train one from this"
         pairs: dict[str, tuple[Any, Any]] = {
-            "joints": (mine.skeleton.names, found.skeleton.names),
-            "frames per second": (mine.fps, found.fps),
-            "schema": (mine.schema.to_dict(), found.schema.to_dict()),
-            "contacts": (mine.contact_roles, found.contact_roles),
+            "joints": (mine.skeleton.names, database.skeleton.names),
+            "frames per second": (mine.fps, database.fps),
+            "schema": (mine.schema.to_dict(), database.schema.to_dict()),
+            "contacts": (mine.contact_roles, database.contact_roles),
+            "tags": (mine.tag_names, database.tag_names),
             "ranges": (self.ranges, len(database.starts)),
             "frames": (self.frames, len(database)),
         }
         for what, (one, other) in pairs.items():
             if one != other:
                 numbers = isinstance(one, int | float)
-                raise UserError(
-                    f"the model is not of this database: its {what} {f'are {one:g}, not {other:g}' if numbers else 'differ'}",
-                    path=path,
-                    remedy="give the database that it was trained from, or train one from this",
-                )
-        close = np.allclose(mine.offset, found.offset, rtol=NEARLY, atol=NEARLY * float(mine.scale.min()))
-        if not close or not np.allclose(mine.scale, found.scale, rtol=NEARLY):
-            raise UserError(
-                "the model is not of this database: its features are normalised otherwise",
-                path=path,
-                remedy="give the database that it was trained from, or train one from this",
-            )
+                how = f"{one:,} {what}, not {other:,}" if numbers else f"other {what}"
+                raise UserError(f"the model is of another database: {how}", path=path, remedy=remedy)
+        close = np.allclose(mine.offset, database.offset, rtol=NEARLY, atol=NEARLY * float(mine.scale.min()))
+        if not close or not np.allclose(mine.scale, database.scale, rtol=NEARLY):
+            how = "features normalised otherwise"
+            raise UserError(f"the model is of another database: {how}", path=path, remedy=remedy)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write atomically; sets and stores the fingerprint."""
@@ -179,6 +174,8 @@ class Model:
         with files.content_of(path, KIND):
             prefix = "description."
             of_description = {n.removeprefix(prefix): a for n, a in arrays.items() if n.startswith(prefix)}
+            parts: dict[str, Any] = {n: arrays[n] for n in ("state_low", "state_high", "state_std")}
+            parts |= {n: metadata[n] for n in ("database", "ranges", "frames", "training", "errors")}
             networks: dict[str, Any] = {"compressor": None} | {
                 name: Network.from_arrays(f"{name}.", arrays, activation)
                 for name, activation in metadata["activations"].items()
@@ -186,9 +183,8 @@ class Model:
             model = Model(
                 description=Description.from_parts(metadata["description"], of_description),
                 **networks,
-                **{name: arrays[name] for name in ("state_low", "state_high", "state_std")},
+                **parts,
                 held_out=tuple(metadata["held_out"]),
-                **{name: metadata[name] for name in ("database", "ranges", "frames", "training", "errors")},
                 fingerprint=fingerprint,
             )
             model.validate()
@@ -208,5 +204,11 @@ class Model:
                 raise ValueError(
                     f"{name} of {ends[0]} inputs and {ends[1]} outputs, expected {expected[name]}"
                 )
-        if self.compressor is not None and self.compressor.sizes[-1] != self.L:
-            raise ValueError(f"compressor of {self.compressor.sizes[-1]} outputs, expected {self.L}")
+        if self.compressor is not None:
+            ends, seen = self.compressor.sizes, self.layout.size + 15 * (self.layout.joints - 1)
+            if (ends[0], ends[-1]) != (seen, self.L):
+                raise ValueError(
+                    f"compressor of {ends[0]} inputs and {ends[-1]} outputs, expected {seen, self.L}"
+                )
+        ranges = ("state_low", "state_high", "state_std")
+        files.check_shapes(vars(self), {name: ("float32", (state,)) for name in ranges})

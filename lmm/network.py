@@ -10,6 +10,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from motion import files
+from motion.errors import UserError
+
 Array = NDArray[np.float32]
 Activation = Literal["relu", "elu"]
 WeightType = Literal["float32", "float16", "int8"]
@@ -40,26 +43,30 @@ class Network:
     activation: Activation = "relu"
 
     def __post_init__(self) -> None:
-        sizes = self.sizes
-        named = {name: getattr(self, name) for name in NORMALISATION}
-        ends = {name: sizes[0] if name.startswith("input") else sizes[-1] for name in NORMALISATION}
-        for name, array in named.items():
-            if array.shape != (ends[name],):
-                raise ValueError(f"{name} {array.shape}, expected ({ends[name]},)")
         if not len(self.weights) == len(self.biases) == len(self.scales) > 0:
             raise ValueError(f"{len(self.weights)} weights, {len(self.biases)} biases")
-        for layer, (rows, columns) in enumerate(pairwise(sizes)):
-            weight, bias, scale = self.weights[layer], self.biases[layer], self.scales[layer]
-            if weight.shape != (rows, columns) or bias.shape != (columns,):
-                shapes = f"weight {weight.shape} and bias {bias.shape}"
-                raise ValueError(f"layer {layer}: {shapes}, expected ({rows}, {columns}) and ({columns},)")
-            fits = (
-                scale is None if weight.dtype != np.int8 else scale is not None and scale.shape == bias.shape
-            )
-            if not fits:
-                raise ValueError(f"layer {layer}: {weight.dtype} weights and scales do not go together")
+        sizes, kind = self.sizes, self.weights[0].dtype
         if self.activation not in ("relu", "elu"):
             raise ValueError(f"activation {self.activation!r}")
+        if kind not in ("float32", "float16", "int8"):
+            raise ValueError(f"weights of {kind}")
+        for layer, (rows, columns) in enumerate(pairwise(sizes)):
+            expected = {"weight": (str(kind), (rows, columns)), "bias": ("float32", (columns,))}
+            found = {"weight": self.weights[layer], "bias": self.biases[layer]}
+            scale = self.scales[layer]
+            if kind == np.int8 and scale is not None:
+                expected["scale"], found["scale"] = ("float32", (columns,)), scale
+            elif kind == np.int8 or scale is not None:
+                raise ValueError(f"layer {layer}: {kind} weights and scales do not go together")
+            files.check_shapes(
+                {f"{name} of layer {layer}": array for name, array in found.items()},
+                {f"{name} of layer {layer}": shape for name, shape in expected.items()},
+            )
+        ends = {n: sizes[0] if n.startswith("input") else sizes[-1] for n in NORMALISATION}
+        files.check_shapes(vars(self), {name: ("float32", (ends[name],)) for name in NORMALISATION})
+        if not np.all(self.input_std > 0):
+            column = int(np.argmin(self.input_std > 0))
+            raise ValueError(f"its input {column} is divided by {self.input_std[column]:g}")
 
     def __repr__(self) -> str:
         return f"Network({'-'.join(map(str, self.sizes))}, {self.weight_type})"
@@ -101,14 +108,18 @@ class Network:
         """The same network with its weights stored otherwise; biases and normalisation stay float32.
 
         int8 takes a scale for every output of a layer, its largest weight / 127 (rounding error at most half
-        a scale); float16 rounds to the nearest.
+        a scale); float16 rounds to the nearest, and a weight beyond its range is a UserError.
         """
         weights = [self.weight(layer) for layer in range(len(self.weights))]
+        largest = max(float(np.abs(w).max(initial=0)) for w in weights)
+        if weight_type == "float16" and largest > np.finfo(np.float16).max:
+            raise UserError(f"weights of up to {largest:g} do not fit float16", remedy="take int8 or float32")
         scales: list[Array | None] = [None] * len(weights)
         if weight_type == "int8":
             tops = [np.abs(w).max(axis=0) / np.float32(127) for w in weights]
-            scales = [np.where(top > 0, top, np.float32(1)).astype(np.float32) for top in tops]
-            stored = [np.rint(w / s).astype(np.int8) for w, s in zip(weights, scales, strict=True)]
+            steps = [np.where(top > 0, top, np.float32(1)).astype(np.float32) for top in tops]
+            stored = [np.rint(w / s).astype(np.int8) for w, s in zip(weights, steps, strict=True)]
+            scales = list(steps)
         else:
             stored = [w.astype(weight_type) for w in weights]
         return replace(self, weights=tuple(stored), scales=tuple(scales))
@@ -129,11 +140,11 @@ class Network:
         """What `to_arrays` gave; a missing array is a KeyError, one that does not fit a ValueError."""
         layers = range(sum(name.startswith(prefix) and name.endswith(".bias") for name in arrays))
         return Network(
-            *(arrays[prefix + name] for name in NORMALISATION),
-            tuple(arrays[f"{prefix}{layer}.weight"] for layer in layers),
-            tuple(arrays.get(f"{prefix}{layer}.scale") for layer in layers),
-            tuple(arrays[f"{prefix}{layer}.bias"] for layer in layers),
-            activation,
+            **{name: arrays[prefix + name] for name in NORMALISATION},
+            weights=tuple(arrays[f"{prefix}{layer}.weight"] for layer in layers),
+            scales=tuple(arrays.get(f"{prefix}{layer}.scale") for layer in layers),
+            biases=tuple(arrays[f"{prefix}{layer}.bias"] for layer in layers),
+            activation=activation,
         )
 
 

@@ -1,0 +1,129 @@
+"""Training of Compressor and Decompressor: a latent that, with the features, says the whole pose."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from . import pose_kernels
+from .checkpoint import Errors
+from .data import Data, spread
+from .networks import Perceptron
+from .pose_loss import PoseLoss
+from .randomness import generator
+from .settings import Settings
+
+Array = NDArray[np.float32]
+JUDGED = 1500  # frames of each part that an evaluation during training takes
+# Weights of the latent's absolute values, squares, and rates. Rates slow down to what a stepper can follow
+# cost the pose nothing, if anything they help it to generalise.
+LATENT = {"reference": (0.1, 0.1, 0.01), "ours": (0.1, 0.1, 0.1)}
+
+
+class DecompressorStage:
+    """Compressor and Decompressor, trained together on windows of frames (REFERENCE 3.1, 3.2)."""
+
+    name = "decompressor"
+
+    def __init__(self, data: Data, settings: Settings) -> None:
+        self.settings, self._all, self._data = settings.decompressor, settings, data
+        features, vectors = data.features.shape[1], data.layout.size
+        inputs, seed = data.inputs.shape[1], settings.seed
+        state = features + settings.latent
+        self.compressor = Perceptron(
+            (inputs, *settings.compressor, settings.latent), "elu", seed=seed, name="compressor"
+        )
+        self.decompressor = Perceptron(
+            (state, *self.settings.hidden, vectors), "relu", seed=seed, name=self.name
+        )
+
+    def modules(self) -> Mapping[str, nn.Module]:
+        return {"compressor": self.compressor, "decompressor": self.decompressor}
+
+    def begin(self) -> None:
+        data, device = self._data, self._all.device
+        train = data.frames["training"]
+        mean, std = spread(data.inputs[train])
+        self.compressor.normalise(input_mean=mean, input_std=self._by_block(std))
+        mean, std = spread(data.features[train])
+        latent = np.zeros(self._all.latent, np.float32), np.ones(self._all.latent, np.float32)
+        self.decompressor.normalise(
+            input_mean=np.concatenate([mean, latent[0]]), input_std=np.concatenate([std, latent[1]])
+        )
+        mean, std = spread(data.vectors[train])
+        self.decompressor.normalise(output_mean=mean, output_std=std)
+        for module in self.modules().values():
+            module.to(device)
+        self._features = torch.from_numpy(data.features).to(device)
+        self._inputs = torch.from_numpy(data.inputs).to(device)
+        self._starts = data.starts(self.settings.window)
+        database = data.database
+        self._loss = PoseLoss(
+            database.skeleton, len(database.contact_roles), database.fps, data.vectors,
+            threads=torch.get_num_threads(),
+        )  # fmt: skip
+        self._samples = {part: data.sample(JUDGED, part) for part in data.parts()}
+
+    def _by_block(self, std: Array) -> Array:
+        """One deviation for a block: what hardly moves is not blown up to the size of the rest."""
+        layout, n = self._data.layout, self._data.layout.joints - 1
+        sizes = [part.stop - part.start for part in layout.slices.values()] + [3 * n, 6 * n, 3 * n, 3 * n]
+        out, start = np.zeros_like(std), 0
+        for size in sizes:
+            block = std[start : start + size]
+            out[start : start + size] = np.where(block > 0, block.mean() if size else 0, 0)
+            start += size
+        return out
+
+    def loss(self, iteration: int) -> Mapping[str, Tensor]:
+        window, batch = self.settings.window, self.settings.batch
+        draw = generator(self._all.seed, self.name, iteration)
+        first = self._starts[draw.integers(0, len(self._starts), batch)]
+        rows = torch.from_numpy((first[:, None] + np.arange(window)).reshape(-1)).to(self._features.device)
+        latents = self.compressor(self._inputs[rows])
+        vectors = self.decompressor(torch.cat([self._features[rows], latents], dim=1))
+        # The published recipe by autograd, as published; a GPU needs it too.
+        compiled = self._all.recipe != "reference" and vectors.device.type == "cpu"
+        terms = (self._loss.compiled if compiled else self._loss.plain)(vectors, first, window)
+        absolute, squared, rate = LATENT[self._all.recipe]
+        steps = latents.unflatten(0, (batch, window)).diff(dim=1) * self._data.database.fps
+        return terms | {
+            "latent": absolute * latents.abs().mean(),
+            "latent squared": squared * latents.square().mean(),
+            "latent rate": rate * steps.abs().mean(),
+        }
+
+    def evaluate(self) -> Errors:
+        found = {}
+        for part, frames in self._samples.items():
+            latents = self.compressor.evaluate(self._data.inputs[frames])
+            vectors = self.decompressor.evaluate(np.hstack([self._data.features[frames], latents]))
+            found[part] = {"error_cm": float(self.joint_errors(vectors, frames).mean())}
+        return found
+
+    def joint_errors(self, vectors: Array, frames: NDArray[np.int64]) -> Array:
+        """Distances [N, J-1] of joints from the true ones in the root's space, cm."""
+        return joint_errors(self._loss.parents, vectors, self._loss.joints[0][frames])
+
+    def latents(self) -> Array:
+        """Latents [T, L] of all frames."""
+        return self.compressor.evaluate(self._data.inputs)
+
+
+def joint_errors(parents: NDArray[np.int32], vectors: Array, truth: Array) -> Array:
+    """Distances [N, J-1] (cm) of joints of vectors [N, D] from true positions [N, J, 3], roots aligned."""
+    return 100 * np.linalg.norm(positions(parents, vectors) - truth, axis=-1)[:, 1:]
+
+
+def positions(parents: NDArray[np.int32], vectors: Array) -> Array:
+    """Joint positions [N, J, 3] in the root's space of decompressed vectors [N, D]."""
+    shape = len(vectors), len(parents)
+    x, v, w = (np.empty((*shape, 3), np.float32) for _ in range(3))
+    pose_kernels.forward(
+        parents, np.ascontiguousarray(vectors, np.float32), x, np.empty((*shape, 3, 3), np.float32), v, w
+    )
+    return x

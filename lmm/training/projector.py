@@ -1,0 +1,177 @@
+"""Training of the Projector: from a query to the state that the exact search finds for it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from mm import queries as recorded
+from mm.queries import Queries
+
+from .checkpoint import Errors
+from .data import Data, spread
+from .decompressor import DecompressorStage
+from .networks import Perceptron
+from .randomness import generator
+from .settings import Settings
+
+Array = NDArray[np.float32]
+JUDGED = 2000
+# Weights of features, latents, and the distance to the query (REFERENCE 3.2).
+WEIGHTS = (1.0, 5.0, 0.3)
+MOST = 400_000  # recorded queries, and as many made ones
+FEWEST = 2_000
+REUSE = 8  # how often a query is shown, where the training is not longer than their number allows
+REAL = 0.5  # share of a batch that was recorded
+LARGEST = 1.5  # times the residual of a recorded query is what a made one has at most
+ELSE = 0.1  # share of made queries that ask for the other kind of frames: crouched from upright ones
+
+
+class ProjectorStage:
+    """The Projector, on exact answers of `mm`'s search with the controller's exclusions (REFERENCE 3.1, 3.2).
+
+    The published recipe asks for rows with much noise. Ours has half of its queries from a driven crowd, and
+    makes the others of rows and residuals of recorded queries, so that noise is of the size and kind that a
+    controller's queries have (see `mm.queries.noise`).
+    """
+
+    name = "projector"
+
+    def __init__(self, data: Data, settings: Settings, before: DecompressorStage) -> None:
+        self.settings, self._all, self._data, self._before = settings.projector, settings, data, before
+        self._tag = _crouch_tag(data)
+        features = data.features.shape[1]
+        sizes = (features + bool(self._tag), *self.settings.hidden, features + settings.latent)
+        self.projector = Perceptron(sizes, "relu", seed=settings.seed, name=self.name)
+
+    def modules(self) -> Mapping[str, nn.Module]:
+        return {"projector": self.projector}
+
+    def begin(self) -> None:
+        data = self._data
+        self._states = np.hstack([data.features, self._before.latents()])
+        train = data.frames["training"]
+        mean, std = spread(self._states[train])
+        width = data.features.shape[1]
+        asked = np.array([0.5] * bool(self._tag), np.float32)
+        self.projector.normalise(
+            input_mean=np.concatenate([mean[:width], asked]), input_std=np.concatenate([std[:width], asked]),
+            output_mean=mean, output_std=std,
+        )  # fmt: skip
+        self.projector.to(self._all.device)
+        self._tensor = torch.from_numpy(self._states).to(self._all.device)
+        self._features_std = data.features[train].std(axis=0)
+        self._index = recorded.index_of(
+            data.database, ranges=data.ranges["training"], threads=torch.get_num_threads()
+        )
+        seed = self._all.seed
+        # Seeds of random users; those that judge are never trained on.
+        self._judged = self._answered(recorded.record(data.database, JUDGED, seed=2 * seed + 1))
+        if self._all.recipe == "ours":
+            count = min(max(self.settings.iterations * self.settings.batch // REUSE, FEWEST), MOST)
+            self._real = self._answered(recorded.record(data.database, count, seed=2 * seed))
+            self._made = self._answered(self._make(count))
+
+    def _make(self, count: int) -> Queries:
+        """Queries like recorded ones anywhere in the data: rows with the residuals of recorded queries."""
+        draw, (real, frames) = generator(self._all.seed, "made queries"), self._real
+        residual = real.features - self._data.features[frames]
+        train = self._data.frames["training"]
+        rows = train[draw.integers(0, len(train), count)].astype(np.int32)
+        size = draw.uniform(0, LARGEST, (count, 1)).astype(np.float32)
+        features = self._data.features[rows] + size * residual[draw.integers(0, len(residual), count)]
+        crouches = (self._data.database.tags[rows] & np.uint32(self._tag)) != 0
+        crouches ^= draw.random(count) < ELSE
+        tag = np.full(count, self._tag, np.uint32)
+        none = np.zeros(count, np.uint32)
+        bound = np.full(count, np.inf, np.float32)
+        return Queries(
+            features, rows, bound, np.where(crouches, tag, none), np.where(crouches, none, tag),
+            real.radius, real.ignore_end,
+        )  # fmt: skip
+
+    def _answered(self, queries: Queries) -> tuple[Queries, NDArray[np.int64]]:
+        """Queries that have an answer, and the frames that answer them."""
+        frames, _ = recorded.neighbours(self._index, queries)
+        found = frames >= 0
+        return queries.take(found), frames[found].astype(np.int64)
+
+    def _inputs(self, queries: Queries) -> Array:
+        """What the network sees of queries."""
+        if not self._tag:
+            return queries.features
+        asked = ((queries.required & np.uint32(self._tag)) != 0).astype(np.float32)
+        return np.hstack([queries.features, asked[:, None]])
+
+    def _batch(self, iteration: int) -> tuple[Array, NDArray[np.int64]]:
+        """Inputs and answers of an iteration."""
+        draw, batch = generator(self._all.seed, self.name, iteration), self.settings.batch
+        if self._all.recipe == "reference":
+            queries, frames = self._answered(self._published(draw, batch))
+            return self._inputs(queries), frames
+        parts = []
+        count = round(REAL * batch)
+        for (queries, frames), size in ((self._real, count), (self._made, batch - count)):
+            which = draw.integers(0, len(queries), size)
+            parts.append((self._inputs(queries.take(which)), frames[which]))
+        inputs, frames = (np.concatenate(part) for part in zip(*parts, strict=True))
+        return inputs, frames
+
+    def _published(self, draw: np.random.Generator, count: int) -> Queries:
+        """Rows with the published noise, N(0, 1) x U(0, 1) x (column's deviation + 1)."""
+        train = self._data.frames["training"]
+        rows = train[draw.integers(0, len(train), count)]
+        shape = count, self._data.features.shape[1]
+        noise = draw.standard_normal(shape) * draw.random((count, 1)) * (self._features_std + 1)
+        tag = self._data.database.tags[rows] & np.uint32(self._tag)
+        nothing = np.full(count, -1, np.int32)
+        bound = np.full(count, np.inf, np.float32)
+        return Queries(
+            (self._data.features[rows] + noise).astype(np.float32), nothing, bound, tag,
+            np.uint32(self._tag) & ~tag, self._judged[0].radius, self._judged[0].ignore_end,
+        )  # fmt: skip
+
+    def loss(self, iteration: int) -> Mapping[str, Tensor]:
+        width = self._data.features.shape[1]
+        found, frames = self._batch(iteration)
+        inputs = torch.from_numpy(np.ascontiguousarray(found, np.float32)).to(self._tensor.device)
+        truth, query = self._tensor[torch.from_numpy(frames).to(inputs.device)], inputs[:, :width]
+        states = self.projector(inputs)
+        distance = (states[:, :width] - query).norm(dim=1) - (truth[:, :width] - query).norm(dim=1)
+        return {
+            "features": WEIGHTS[0] * (states - truth)[:, :width].abs().mean(),
+            "latents": WEIGHTS[1] * (states - truth)[:, width:].abs().mean(),
+            "distance": WEIGHTS[2] * distance.abs().mean(),
+        }
+
+    def evaluate(self) -> Errors:
+        """On recorded queries of a user that is not trained on: ``error_cm`` of the pose that is found,
+        median ``regret`` (distance of the answer / of the true neighbour), and the ``latent`` error in units
+        of the latents' spread."""
+        queries, frames = self._judged
+        width = self._data.features.shape[1]
+        states, truth = self.projector.evaluate(self._inputs(queries)), self._states[frames]
+        vectors = self._before.decompressor.evaluate(states)
+        asked, best = (
+            np.linalg.norm(found[:, :width] - queries.features, axis=1) for found in (states, truth)
+        )
+        latents = self._states[:, width:]
+        spread_of = np.linalg.norm(latents - latents.mean(axis=0), axis=1).mean()
+        wrong = np.linalg.norm((states - truth)[:, width:], axis=1).mean()
+        return {
+            "training": {
+                "error_cm": float(self._before.joint_errors(vectors, frames).mean()),
+                "regret": float(np.median(asked / np.maximum(best, 1e-6))),
+                "latent": float(wrong / max(spread_of, 1e-6)),
+            }
+        }
+
+
+def _crouch_tag(data: Data) -> int:
+    from mm.description import Description
+
+    return int(Description.of(data.database).crouch_tag)

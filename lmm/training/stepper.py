@@ -1,0 +1,95 @@
+"""Training of the Stepper: from a state to its rate of change, so that it can run on by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from .checkpoint import Errors
+from .data import Data, spread
+from .decompressor import DecompressorStage
+from .networks import Perceptron
+from .randomness import generator
+from .settings import Settings
+
+Array = NDArray[np.float32]
+JUDGED, HORIZONS = 400, (10, 20, 60)
+# Weights of features, latents, and the rates of both (REFERENCE 3.2).
+WEIGHTS = (2.0, 7.5, 0.2, 0.5)
+
+
+class StepperStage:
+    """The Stepper, trained on windows that it runs through on its own output (REFERENCE 3.1, 3.2)."""
+
+    name = "stepper"
+
+    def __init__(self, data: Data, settings: Settings, before: DecompressorStage) -> None:
+        self.settings, self._all, self._data, self._before = settings.stepper, settings, data, before
+        state = data.features.shape[1] + settings.latent
+        self.stepper = Perceptron(
+            (state, *self.settings.hidden, state), "relu", seed=settings.seed, name=self.name
+        )
+
+    def modules(self) -> Mapping[str, nn.Module]:
+        return {"stepper": self.stepper}
+
+    def begin(self) -> None:
+        data, fps = self._data, self._data.database.fps
+        self._states = np.hstack([data.features, self._before.latents()])
+        train, steps = data.frames["training"], data.starts(2)
+        mean, std = spread(self._states[train])
+        rates = (self._states[steps + 1] - self._states[steps]) * np.float32(fps)
+        rate_mean, rate_std = spread(rates)
+        self.stepper.normalise(input_mean=mean, input_std=std, output_mean=rate_mean, output_std=rate_std)
+        self.stepper.to(self._all.device)
+        self._tensor = torch.from_numpy(self._states).to(self._all.device)
+        self._starts = data.starts(self.settings.window)
+        self._horizons = [h for h in HORIZONS if h < data.longest()] or [1]
+        self._samples = {
+            part: found
+            for part in data.parts()
+            if len(found := data.sample(JUDGED, part, window=self._horizons[-1] + 1))
+        }
+
+    def loss(self, iteration: int) -> Mapping[str, Tensor]:
+        window, width, fps = self.settings.window, self._data.features.shape[1], self._data.database.fps
+        draw = generator(self._all.seed, self.name, iteration)
+        first = self._starts[draw.integers(0, len(self._starts), self.settings.batch)]
+        rows = torch.from_numpy(first + np.arange(window)[:, None]).to(self._tensor.device)
+        truth = self._tensor[rows]
+        states = [truth[0]]
+        for _ in range(window - 1):
+            states.append(states[-1] + self.stepper(states[-1]) / fps)
+        run = torch.stack(states)
+        difference = (run[1:] - truth[1:]).abs()
+        rates = (run.diff(dim=0) - truth.diff(dim=0)).abs() * fps
+        return {
+            "features": WEIGHTS[0] * difference[..., :width].mean(),
+            "latents": WEIGHTS[1] * difference[..., width:].mean(),
+            "feature rates": WEIGHTS[2] * rates[..., :width].mean(),
+            "latent rates": WEIGHTS[3] * rates[..., width:].mean(),
+        }
+
+    def evaluate(self) -> Errors:
+        """Joint errors after some frames of free run from true states; ``error_cm`` is that after ten."""
+        found = {}
+        for part, frames in self._samples.items():
+            states = self._states[frames]
+            errors = {}
+            for frame in range(1, self._horizons[-1] + 1):
+                states = states + self.stepper.evaluate(states) / np.float32(self._data.database.fps)
+                if frame in self._horizons:
+                    vectors = self._before.decompressor.evaluate(states)
+                    error = float(self._before.joint_errors(vectors, frames + frame).mean())
+                    errors["error_cm" if frame == self._horizons[0] else f"after_{frame}_cm"] = error
+            found[part] = errors
+        return found
+
+    @property
+    def states(self) -> Array:
+        """Features and latents [T, F + L] of all frames."""
+        return self._states
