@@ -11,7 +11,9 @@ import click
 from motion import console
 from motion.errors import UserError
 
+from .evaluation.cli import evaluate
 from .exchange_cli import convert, export, import_
+from .run import run
 from .training.settings import PRESETS, RECIPES
 
 if TYPE_CHECKING:
@@ -153,6 +155,8 @@ def curves(logs: tuple[str, ...], output: str, names: str | None) -> None:
 
 
 # Commands of other modules.
+main.add_command(evaluate)
 main.add_command(export)
 main.add_command(import_)
 main.add_command(convert)
+main.add_command(run)
