@@ -54,11 +54,6 @@ def read_network(path: PathLike) -> Network:
     except (interchange.Misfit, ValueError) as misfit:
         raise interchange.refuse(path, "network", misfit) from misfit
     interchange.check_finite(path, *network.to_arrays("").values())
-    if not np.all(network.input_std > 0):
-        column = int(np.argmin(network.input_std))
-        raise interchange.refuse(
-            path, "network", f"its input {column} is divided by {network.input_std[column]:g}"
-        )
     return network
 
 

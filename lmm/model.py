@@ -141,11 +141,11 @@ class Model:
             if one != other:
                 numbers = isinstance(one, int | float)
                 how = f"{one:,} {what}, not {other:,}" if numbers else f"other {what}"
-                raise UserError(f"the model is of another database: {how}", path=path, remedy=remedy)
+                raise UserError(f"the model is not of this database: {how}", path=path, remedy=remedy)
         close = np.allclose(mine.offset, database.offset, rtol=NEARLY, atol=NEARLY * float(mine.scale.min()))
         if not close or not np.allclose(mine.scale, database.scale, rtol=NEARLY):
             how = "features normalised otherwise"
-            raise UserError(f"the model is of another database: {how}", path=path, remedy=remedy)
+            raise UserError(f"the model is not of this database: {how}", path=path, remedy=remedy)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write atomically; sets and stores the fingerprint."""
@@ -205,10 +205,9 @@ class Model:
                     f"{name} of {ends[0]} inputs and {ends[1]} outputs, expected {expected[name]}"
                 )
         if self.compressor is not None:
-            ends, seen = self.compressor.sizes, self.layout.size + 15 * (self.layout.joints - 1)
-            if (ends[0], ends[-1]) != (seen, self.L):
-                raise ValueError(
-                    f"compressor of {ends[0]} inputs and {ends[-1]} outputs, expected {seen, self.L}"
-                )
+            sizes, seen = self.compressor.sizes, self.layout.size + 15 * (self.layout.joints - 1)
+            if (sizes[0], sizes[-1]) != (seen, self.L):
+                found = f"{sizes[0]} inputs and {sizes[-1]} outputs"
+                raise ValueError(f"compressor of {found}, expected {seen, self.L}")
         ranges = ("state_low", "state_high", "state_std")
         files.check_shapes(vars(self), {name: ("float32", (state,)) for name in ranges})

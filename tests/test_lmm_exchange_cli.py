@@ -159,7 +159,7 @@ def test_a_database_of_another_model_is_refused(folder: Path, tmp_path: Path) ->
         ("export", folder / "walk.lmm", "--format", "reference", "-o", tmp_path / "x"),
     ):
         text = refused(*command, "--db", tmp_path / "other.mmdb")
-        assert "walk.lmm: the model is not of this database: its frames per second are 60, not 30" in text
+        assert "walk.lmm: the model is not of this database: 60.0 frames per second, not 30.0" in text
     assert not (tmp_path / "x").exists()
 
 

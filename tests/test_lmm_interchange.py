@@ -113,10 +113,13 @@ def _of(*shape: int, value: float = 1.0) -> np.ndarray:
 
 
 WRONG = {
-    "a layer that does not follow": ({"1.weight": _of(5, 2)}, r"layer 1: weight \(5, 2\).*expected \(4, 2\)"),
-    "a bias too long": ({"0.bias": _of(5)}, r"layer 0: .*bias \(5,\)"),
-    "a mean too short": ({"input_mean": _of(2)}, r"input_mean \(2,\), expected \(3,\)"),
-    "a deviation too long": ({"output_std": _of(3)}, r"output_std \(3,\), expected \(2,\)"),
+    "a layer that does not follow": (
+        {"1.weight": _of(5, 2)},
+        r"weight of layer 1 .*\(5, 2\), expected .*\(4, 2\)",
+    ),
+    "a bias too long": ({"0.bias": _of(5)}, r"bias of layer 0 .*\(5,\)"),
+    "a mean too short": ({"input_mean": _of(2)}, r"input_mean .*\(2,\), expected .*\(3,\)"),
+    "a deviation too long": ({"output_std": _of(3)}, r"output_std .*\(3,\), expected .*\(2,\)"),
     "no layers": ({"layers": 0}, "0 layers"),
     "layers below none": ({"layers": -1}, "-1 layers"),
     "a million layers": ({"layers": 1_000_000}, "1000000 layers"),
