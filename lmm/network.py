@@ -112,7 +112,7 @@ class Network:
         """
         weights = [self.weight(layer) for layer in range(len(self.weights))]
         largest = max(float(np.abs(w).max(initial=0)) for w in weights)
-        if weight_type == "float16" and largest > np.finfo(np.float16).max:
+        if weight_type == "float16" and largest > float(np.finfo(np.float16).max):
             raise UserError(f"weights of up to {largest:g} do not fit float16", remedy="take int8 or float32")
         scales: list[Array | None] = [None] * len(weights)
         if weight_type == "int8":
