@@ -128,7 +128,7 @@ def test_a_stepper_that_stands_still_drifts_as_the_pose_at_the_start_does(databa
     assert [row["steps"] for row in rows] == [1, 5, 30] and rows[0]["runs"] == 50
     assert rows[1]["joints_cm"] == pytest.approx(np.mean(found.joints[4]))
     assert rows[1]["joints_p95_cm"] == pytest.approx(np.percentile(found.joints[4], 95))
-    assert found.curve()[4] == pytest.approx(rows[1]["joints_cm"])
+    assert found.curves()["joints_cm"][4] == pytest.approx(rows[1]["joints_cm"])
 
 
 def test_a_stepper_that_knows_the_way_does_not_drift(database, exact):
@@ -168,6 +168,9 @@ def test_answer_errors_by_hand(database):
         database.schema, zero, answer, latents + np.array([1.0, 0.0]), neighbour, latents, np.array([0.5, 1]),
         bound=np.array([3.0, 5.0, 5.0, 100.0]),
     )  # fmt: skip
+    shares = np.array(found["regret"].pop("shares"))
+    assert shares.sum() == 1 and shares[-1] == 0.25
+    np.testing.assert_array_equal(projector.BINS[:-1][shares > 0], projector.BINS[[10, 20, 40, 59]])
     assert found["regret"] == {
         "median": pytest.approx(1.5),
         "mean": pytest.approx(15 / 8),

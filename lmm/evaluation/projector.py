@@ -17,7 +17,7 @@ from mm.queries import Queries
 Array = NDArray[np.floating]
 
 CHUNK = 4096
-QUERIES = 20_000
+BINS = np.linspace(0, 3, 61)  # of the histogram of regret; what is more goes into the last one
 
 
 def answers(model: Model, queries: Queries) -> NDArray[np.float32]:
@@ -48,8 +48,8 @@ def answer_errors(
 ) -> dict[str, Any]:
     """How answers (features [M, F], latents [M, L]) compare with the true neighbours of queries [M, F].
 
-    regret : distance of query and answer / distance of query and neighbour: median, mean and p95. Below 1
-        the answer is no row of the data, but something nearer to the query.
+    regret : distance of query and answer / distance of query and neighbour: median, mean and p95, and shares,
+        the histogram over `BINS`. Below 1 the answer is no row of the data, but nearer to the query.
     latent_error, latent_error_median : root mean square, over queries (and median of each query's own),
         of the latents' difference in units of their standard deviation.
     feature_error : root mean square difference of answer and neighbour over columns that vary.
@@ -67,6 +67,7 @@ def answer_errors(
             "median": float(np.median(ratio)),
             "mean": float(ratio.mean()),
             "p95": float(np.percentile(ratio, 95)),
+            "shares": (np.histogram(np.minimum(ratio, BINS[-1]), BINS)[0] / len(ratio)).tolist(),
         },
         "latent_error": float(np.sqrt((each**2).mean())),
         "latent_error_median": float(np.median(each)),

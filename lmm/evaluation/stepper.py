@@ -83,9 +83,13 @@ class Drift:
             rows.append(row)
         return rows
 
-    def curve(self) -> Array:
-        """Mean joints error [S] after each step, of the runs that get there; NaN where none does."""
-        return np.array([metrics.nanmean(values) for values in self.joints])
+    def curves(self) -> dict[str, list[float]]:
+        """Means [S] after each step, of the runs that get there, by name and unit; NaN where none does."""
+        units = {"joints": "cm", "decoded": "cm", "still": "cm", "path": "cm", "heading": "deg"}
+        return {
+            f"{name}_{unit}": [metrics.nanmean(values) for values in getattr(self, name)]
+            for name, unit in units.items()
+        }
 
 
 def drift(
@@ -109,7 +113,8 @@ def drift(
     truth = np.concatenate([database.features[begin], latents[begin]], axis=1)
     errors = np.full((5, steps, len(begin)), np.nan)
     first = _local(model, database.poses[begin])
-    root, way = _roots(database.poses[begin]), np.zeros((len(begin), 3))
+    root = _roots(database.poses[begin])
+    way: Array = np.zeros((len(begin), 3))
     for s, states in enumerate(free_run(model.stepper, truth, database.fps, steps)):
         inside = begin + s + 1 <= last
         if not inside.any():

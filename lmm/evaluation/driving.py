@@ -1,0 +1,216 @@
+"""How well a model drives characters, beside motion matching under the same rules; and for how long."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lmm.controller import controller
+from lmm.model import Model
+from mm import course as courses
+from mm import metrics, quality, queries, recording
+from mm.controller import Controller
+from mm.course import Course
+from mm.database import Database
+from mm.driving import Clock, at_data_speeds, drive, natural_seconds
+from mm.nearness import RealPoses
+from mm.settings import Settings
+from motion.errors import UserError
+from motion.pose import Poses
+
+Array = NDArray[np.floating]
+
+MIXED = ("circle", "start-stop", "random")  # courses of the table of all mixtures
+SAMPLED = 300  # frames of a run of which the nearest real pose is sought
+MARGIN = 0.5  # of a column's range, that a state may lie beyond it
+LOOSE_CM = 1.0  # that a bone may be longer or shorter than it ever is in the data
+HASTE = 1.5  # times the fastest of the data that a root may move
+
+
+class Judge:
+    """Drives systems over courses and judges what they do; one for all systems of a database."""
+
+    def __init__(self, database: Database, names: Sequence[str], *, seconds: float) -> None:
+        self._feet, self._real = quality.Feet.of(database), RealPoses(database)
+        self._scaled = partial(at_data_speeds, database=database)
+        self.take(names, seconds=seconds)
+
+    def take(self, names: Sequence[str], *, seconds: float) -> None:
+        """Go on with other courses, each of so many seconds at most, at the speeds of the data."""
+        if not seconds > 0:
+            raise UserError(f"{seconds} seconds", remedy="give a number above 0")
+        self.courses, self._seconds = [self._scaled(courses.load(name)) for name in names], seconds
+
+    def judge(self, system: Controller, course: Course) -> dict[str, Any]:
+        """A row: the metrics of `mm.quality.judge`, real_cm, the mean distance to the nearest real pose
+        (`mm.nearness`), and frame_us, the median time of a step."""
+        clock = Clock(course, system.count, system.fps)
+        seconds = min(self._seconds, natural_seconds(course))
+        tape = recording.record(system, course, seconds=seconds, driver=clock, progress=_silent)
+        row, _ = quality.judge(
+            tape.arrays, system.skeleton, system.fps, self._feet, tape.path, course=course.name
+        )
+        some = np.linspace(0, len(tape) - 1, min(SAMPLED, len(tape))).astype(np.int64)
+        local = quality.in_root_space(system.skeleton, tape["positions"][some, 0], tape["rotations"][some, 0])
+        return {
+            "system": system.name,
+            "course": course.name,
+            "seconds": len(tape) / system.fps,
+            **row,
+            "real_cm": float(self._real.distances(local).mean()),
+            "frame_us": float(1e6 * np.median(tape.step_seconds)),
+        }
+
+
+def _silent(items: Iterator[int], **_: Any) -> Iterator[int]:
+    return items
+
+
+def systems(
+    model: Model,
+    database: Database,
+    learned: Iterable[str],
+    *,
+    latents: Array | None = None,
+    locked: bool = True,
+) -> Iterator[Controller]:
+    """One character driven by each mixture of stages: "PSD" is the model, "" motion matching, mm.
+
+    Feet are held where that is asked for and the skeleton has whole legs; else names end in -free.
+    """
+    settings = Settings(foot_lock=locked and model.description.legs is not None)
+    index = queries.index_of(database)
+    for letters in learned:
+        name = (f"lmm-{letters}" if letters else "mm") + ("" if settings.foot_lock else "-free")
+        yield controller(
+            model,
+            learned=letters,
+            database=database,
+            index=index,
+            latents=latents,
+            settings=settings,
+            name=name,
+        )
+
+
+def summary(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """A row a system: means over its courses of what has a number there, the largest pop of all."""
+    systems = list(dict.fromkeys(row["system"] for row in rows))
+    out = []
+    for system in systems:
+        mine = [row for row in rows if row["system"] == system]
+        numbers = [key for key, value in mine[0].items() if isinstance(value, float)]
+        row: dict[str, Any] = {"system": system, "courses": len(mine)}
+        row |= {key: metrics.nanmean([each[key] for each in mine]) for key in numbers}
+        row["pop_cm"] = float(np.nanmax([each["pop_cm"] for each in mine], initial=0))
+        out.append(row)
+    return out
+
+
+def memory_mb(system: Controller) -> float:
+    """All that a system holds, MB of 10^6 bytes."""
+    return sum(system.memory().values()) / 1e6
+
+
+class Extremes:
+    """The furthest that states and poses of the steps seen so far went; see `endure`."""
+
+    def __init__(self, model: Model, database: Database) -> None:
+        self._low, self._high = model.state_low, model.state_high
+        lengths = bone_lengths(database.poses.positions)
+        self._shortest, self._longest = lengths.min(axis=0), lengths.max(axis=0)
+        velocity = database.poses.velocities[:, 0][:, [0, 2]]
+        self.data_speed = float(np.linalg.norm(velocity, axis=-1).max())
+        self._span = np.where(self._high > self._low, self._high - self._low, np.inf).astype(np.float64)
+        self.frames, self.broken, self.outside = 0, -1, -1
+        self.below, self.above = np.full_like(self._low, np.inf), np.full_like(self._low, -np.inf)
+        self.bone, self.speed = 0.0, 0.0
+        self._before: Array | None = None
+
+    def see(self, states: Array, poses: Poses, fps: float) -> bool:
+        """Take a step in: states [N, F + L] and poses [N]; whether all of it are numbers."""
+        self.frames += 1
+        arrays = (states, *poses.arrays().values())
+        if not all(np.isfinite(array).all() for array in arrays):
+            self.broken = self.frames
+            return False
+        self.below = np.minimum(self.below, states.min(axis=0))
+        self.above = np.maximum(self.above, states.max(axis=0))
+        if self.outside < 0 and self.excess().max() > MARGIN:
+            self.outside = self.frames
+        lengths = bone_lengths(poses.positions)
+        off = np.maximum(lengths - self._longest, self._shortest - lengths)
+        self.bone = max(self.bone, 100 * float(off.max(initial=0)))
+        root = poses.positions[:, 0][:, [0, 2]].astype(np.float64)
+        if self._before is not None:
+            self.speed = max(self.speed, fps * float(np.linalg.norm(root - self._before, axis=-1).max()))
+        self._before = root
+        return True
+
+    def excess(self) -> NDArray[np.float64]:
+        """How far states went beyond the range of each column [F + L], as a share of the range; 0: not."""
+        beyond = np.maximum(self.above - self._high, self._low - self.below)
+        return np.maximum(beyond, 0) / self._span
+
+
+def bone_lengths(positions: Array) -> Array:
+    """Lengths [..., J-1] of the bones to all joints but the ground root, of local positions [..., J, 3]."""
+    return np.linalg.norm(positions[..., 1:, :], axis=-1)
+
+
+def endure(
+    model: Model,
+    database: Database,
+    *,
+    seconds: float = 600.0,
+    characters: int = 16,
+    seed: int = 1,
+    progress: Callable[..., Iterator[int]] = _silent,
+) -> dict[str, Any]:
+    """Let a random user drive characters by the model alone for a long time: does anything diverge?
+
+    state_excess : the furthest that a state's column went beyond its range in the training data, as a share
+        of that range; at most 0.5 passes, and outside_s is when it was first exceeded.
+    bone_excess_cm : the most that a bone was longer or shorter than ever in the data; at most 1 cm passes.
+    speed_mps : the fastest of any root, at most 1.5 times that of the data, data_speed_mps.
+    finite : whether all states and poses were numbers; broken_s, when they were not.
+    """
+    settings = Settings(foot_lock=model.description.legs is not None)
+    driven = controller(model, count=characters, settings=settings)
+    course = queries.random_user(database, seconds * characters, seed=seed)
+    seen = Extremes(model, database)
+    frames = max(1, round(seconds * driven.fps))
+    steps = drive(driven, Clock(course, characters, driven.fps, spread=True))
+    for _ in progress(iter(range(frames)), label="endurance", total=frames, unit="frames"):
+        next(steps)
+        if not seen.see(driven.state.values, driven.poses(), driven.fps):
+            break
+    excess = seen.excess()
+    finite = seen.broken < 0
+    return {
+        "minutes": seen.frames / driven.fps / 60,
+        "characters": characters,
+        "finite": finite,
+        "broken_s": None if finite else seen.broken / driven.fps,
+        "outside_s": None if seen.outside < 0 else seen.outside / driven.fps,
+        "state_excess": float(excess.max()),
+        "state_excess_column": _column(model, int(excess.argmax())),
+        "bone_excess_cm": seen.bone,
+        "speed_mps": seen.speed,
+        "data_speed_mps": seen.data_speed,
+        "passed": bool(
+            finite
+            and excess.max() <= MARGIN
+            and seen.bone <= LOOSE_CM
+            and seen.speed <= HASTE * seen.data_speed
+        ),
+    }
+
+
+def _column(model: Model, column: int) -> str:
+    names = model.description.schema.columns
+    return names[column] if column < len(names) else f"latent {column - len(names)}"

@@ -1,0 +1,211 @@
+"""The whole judgement of a model: its networks alone, all together, and for a long time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lmm.model import Model
+from lmm.stages import COMBINATIONS
+from mm import queries as recorded
+from mm.database import Database
+from mm.driving import COURSES, SECONDS
+
+from . import decompressor, driving, projector, stepper
+
+SEED = 20_000  # of queries; training's own count up from 0
+
+# What is good enough: at most so much.
+WHOLE_CM, HELD_OUT_CM, DRIFT_STEPS, DRIFT_CM, REGRET, SHARE_OF_MM = 1.0, 2.0, 10, 5.0, 1.05, 1.1
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """How much is measured.
+
+    Attributes
+    ----------
+    starts : free runs of the stepper, of each part of the data.
+    queries : asked of the projector, of each kind.
+    courses, mixed : names of courses for the model and motion matching, and for all mixtures of stages.
+    seconds, mixed_seconds : of each course, at most.
+    minutes, characters : of the long run.
+    """
+
+    starts: int = stepper.STARTS
+    queries: int = 20_000
+    courses: tuple[str, ...] = COURSES
+    seconds: float = SECONDS
+    mixed: tuple[str, ...] = driving.MIXED
+    mixed_seconds: float = 20.0
+    minutes: float = 10.0
+    characters: int = 16
+
+
+QUICK = Plan(
+    starts=500,
+    queries=5_000,
+    courses=("circle", "star", "random"),
+    seconds=10.0,
+    mixed=("circle", "random"),
+    mixed_seconds=5.0,
+    minutes=1.0,
+    characters=8,
+)
+
+
+def _plainly(items: Any, **_: Any) -> Iterator[Any]:
+    return iter(items)
+
+
+def evaluate(
+    model: Model,
+    database: Database,
+    plan: Plan = Plan(),
+    *,
+    seed: int = SEED,
+    progress: Callable[..., Iterator[Any]] = _plainly,
+) -> dict[str, Any]:
+    """All numbers, as plain data (None where there is none); a model of another database is a UserError.
+
+    decompressor : `decompressor.errors` of the whole database, the training and the held-out clips.
+    stepper : of the latter two, rows of `stepper.Drift.table` and the whole curves.
+    projector : `projector.errors` on real queries, recorded with a seed of their own, and on noisy rows.
+    courses, systems : rows of the model and of motion matching, feet held and not (`driving.Judge`).
+    mixtures : a row for each mixture of learned and classical stages, over fewer courses.
+    endurance : `driving.endure`.
+    targets : what is good enough, what was found, and whether it is met.
+    """
+    model.check(database)
+    latents = model.latents(database)
+    trained = model.training_ranges(database)
+    parts: dict[str, NDArray[np.bool_] | None] = {"training": trained}
+    if not trained.all():
+        parts["held_out"] = ~trained
+    found: dict[str, Any] = {"database": _about(database), "model": _about_model(model)}
+    found["decompressor"] = {
+        name: decompressor.errors(model, database, latents, ranges=ranges)
+        for name, ranges in progress(
+            [("whole", None), *parts.items()], label="decompressor", unit="parts of the data"
+        )
+    }
+    found["stepper"] = {}
+    for name, ranges in progress(list(parts.items()), label="stepper", unit="parts of the data"):
+        drift = stepper.drift(model, database, latents, starts=plan.starts, ranges=ranges, seed=seed)
+        found["stepper"][name] = {"drift": drift.table(), "curves": drift.curves()}
+    asked = recorded.record(database, plan.queries, seed=seed)
+    kinds = {"real": asked, "noisy": projector.noisy_rows(database, asked, ranges=trained, seed=seed)}
+    found["projector"] = {
+        name: projector.errors(model, database, queries, latents)
+        for name, queries in progress(list(kinds.items()), label="projector", unit="kinds of queries")
+    }
+    found |= _driven(model, database, plan, latents, progress)
+    found["endurance"] = driving.endure(
+        model,
+        database,
+        seconds=60 * plan.minutes,
+        characters=plan.characters,
+        seed=seed,
+        progress=progress,
+    )
+    found["targets"] = targets(found)
+    return plain(found)
+
+
+def _driven(
+    model: Model, database: Database, plan: Plan, latents: NDArray, progress: Callable[..., Iterator[Any]]
+) -> dict[str, Any]:
+    judge = driving.Judge(database, plan.courses, seconds=plan.seconds)
+    jobs = [
+        (system, course)
+        for locked in (True, False)
+        for system in driving.systems(model, database, ("", "PSD"), latents=latents, locked=locked)
+        for course in judge.courses
+    ]
+    rows = [judge.judge(*job) for job in progress(jobs, label="courses", unit="runs")]
+    judge.take(plan.mixed, seconds=plan.mixed_seconds)
+    mixtures = []
+    for system in progress(
+        driving.systems(model, database, COMBINATIONS, latents=latents),
+        label="mixtures",
+        total=len(COMBINATIONS),
+        unit="systems",
+    ):
+        (row,) = driving.summary([judge.judge(system, course) for course in judge.courses])
+        mixtures.append(row | {"memory_mb": driving.memory_mb(system)})
+    return {"courses": rows, "systems": driving.summary(rows), "mixtures": mixtures}
+
+
+def targets(found: dict[str, Any]) -> list[dict[str, Any]]:
+    """Rows: what, the most that is good enough, what was found, whether it is met."""
+    rows: list[dict[str, Any]] = []
+
+    def add(what: str, most: float, value: float | None) -> None:
+        met = None if value is None or not np.isfinite(value) else bool(value <= most)
+        rows.append({"what": what, "at most": most, "found": value, "met": met})
+
+    poses, drifts = found["decompressor"], found["stepper"]
+    add("joint error, whole database, cm", WHOLE_CM, poses["whole"]["position_cm"]["mean"])
+    if "held_out" in poses:
+        add("joint error, held-out clips, cm", HELD_OUT_CM, poses["held_out"]["position_cm"]["mean"])
+    for name, part in drifts.items():
+        at = [row["joints_cm"] for row in part["drift"] if row["steps"] == DRIFT_STEPS]
+        if at:
+            add(f"drift after {DRIFT_STEPS} frames, {name.replace('_', '-')} clips, cm", DRIFT_CM, at[0])
+    add("projector's regret on real queries, median", REGRET, found["projector"]["real"]["regret"]["median"])
+    by_name = {row["system"]: row for row in found["systems"]}
+    mm, lmm = (
+        next((row for name, row in by_name.items() if name.removesuffix("-free") == wanted), None)
+        for wanted in ("mm", "lmm-PSD")
+    )
+    if mm and lmm:
+        for column, what in (("skate_cm_s", "foot skate"), ("path_cm", "distance from the path")):
+            share = lmm[column] / mm[column] if mm[column] else None
+            add(f"{what} / motion matching's", SHARE_OF_MM, share)
+    rows.append(
+        {
+            "what": f"{found['endurance']['minutes']:.3g} minutes without divergence",
+            "at most": None,
+            "found": None,
+            "met": found["endurance"]["passed"],
+        }
+    )
+    return rows
+
+
+def _about(database: Database) -> dict[str, Any]:
+    return {
+        "fingerprint": database.fingerprint,
+        "frames": len(database),
+        "ranges": len(database.starts),
+        "fps": database.fps,
+        "joints": len(database.skeleton),
+        "schema": database.schema.name,
+    }
+
+
+def _about_model(model: Model) -> dict[str, Any]:
+    return {
+        "fingerprint": model.fingerprint,
+        "parameters": model.parameters,
+        "memory": model.memory(),
+        "weights": model.decompressor.weight_type,
+        "latents": model.L,
+        "held_out": list(model.held_out),
+        "training": model.training,
+    }
+
+
+def plain(value: Any) -> Any:
+    """Plain data for JSON: what is no number becomes None."""
+    if isinstance(value, dict):
+        return {key: plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    return None if isinstance(value, float) and not np.isfinite(value) else value

@@ -1,0 +1,116 @@
+"""Pictures of an evaluation, of what people would rather look at than read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from motion import figures
+
+from .projector import BINS
+
+PARTS = {"training": "training clips", "held_out": "held-out clips"}
+KINDS = {"real": "real queries", "noisy": "noisy rows"}
+DRIVEN = {
+    "skate_cm_s": "foot skate, cm/s",
+    "path_cm": "distance from the path, cm",
+    "heading_deg": "heading's difference, °",
+    "jerk_m_s3": "jerk, m/s³",
+    "real_cm": "from the nearest real pose, cm",
+}
+
+
+def all_of(found: dict[str, Any]) -> dict[str, bytes]:
+    """PNG files by name."""
+    draw: dict[str, Callable[[dict[str, Any]], Any]] = {
+        "joints.png": joints,
+        "drift.png": drift,
+        "regret.png": regret,
+        "courses.png": courses,
+    }
+    out = {}
+    for name, picture in draw.items():
+        with figures.style(name):
+            out[name] = figures.png(picture(found))
+    return out
+
+
+def joints(found: dict[str, Any]) -> Any:
+    """Mean position error of each joint, in the skeleton's order, on both parts of the data."""
+    parts = {name: found["decompressor"][name]["joints"] for name in PARTS if name in found["decompressor"]}
+    names = list(parts["training"])
+    picture, (axes,) = figures.figure(7, 1 + 0.17 * len(names))
+    at = np.arange(len(names))[::-1]
+    height = 0.8 / len(parts)
+    for i, (part, errors) in enumerate(parts.items()):
+        axes.barh(at + 0.4 - height * (i + 0.5), list(errors.values()), height=height, label=PARTS[part])
+    axes.set_yticks(at, names, fontsize=7)
+    axes.set_ylim(-0.7, len(names) - 0.3)
+    axes.set_xlabel("mean distance from the true joint, root aligned, cm")
+    axes.grid(True, axis="x")
+    axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2)
+    return picture
+
+
+def drift(found: dict[str, Any]) -> Any:
+    """Error of the joints, and of the root's path, over the frames of a free run."""
+    picture, (left, right) = figures.figure(9, 3.6, 2)
+    for i, (part, run) in enumerate(found["stepper"].items()):
+        colour, curves = figures.COLOURS[i], run["curves"]
+        frames = np.arange(1, 1 + len(curves["joints_cm"]))
+        left.plot(frames, _numbers(curves["joints_cm"]), color=colour, label=PARTS[part])
+        for name, line in (("decoded_cm", ":"), ("still_cm", "--")):
+            left.plot(frames, _numbers(curves[name]), color=colour, linestyle=line, linewidth=0.9)
+        right.plot(frames, _numbers(curves["path_cm"]), color=colour, label=PARTS[part])
+    left.plot([], [], color=figures.INK, linestyle="--", linewidth=0.9, label="the first pose held")
+    left.plot([], [], color=figures.INK, linestyle=":", linewidth=0.9, label="the true state, decompressed")
+    left.set_ylabel("distance of joints, root aligned, cm")
+    right.set_ylabel("distance of the root from its path, cm")
+    for axes in (left, right):
+        axes.set_xlabel("frames of free run")
+        axes.set_xlim(left=0)
+        axes.set_ylim(bottom=0)
+        axes.grid(True, axis="y")
+    left.legend(fontsize=7, loc="lower left", bbox_to_anchor=(0, 1), ncols=2)
+    return picture
+
+
+def regret(found: dict[str, Any]) -> Any:
+    """How often the projector's answer is how much further from the query than the true neighbour."""
+    picture, (axes,) = figures.figure(6, 3.4)
+    for kind, label in KINDS.items():
+        of_it = found["projector"][kind]["regret"]
+        told = f"{label}: median {of_it['median']:.2f}, 95 % {of_it['p95']:.2f}"
+        axes.stairs(100 * np.array(of_it["shares"]), BINS, label=told, linewidth=1.3)
+    axes.axvline(1, color=figures.INK, linewidth=0.8, linestyle=(0, (4, 2)))
+    axes.set_xlim(BINS[0], BINS[-1])
+    axes.set_xlabel(f"distance of the answer / of the true neighbour; the last bin is all from {BINS[-2]:g}")
+    axes.set_ylabel("share of queries, %")
+    axes.legend(fontsize=7, loc="lower left", bbox_to_anchor=(0, 1), ncols=2)
+    return picture
+
+
+def courses(found: dict[str, Any]) -> Any:
+    """The model beside motion matching on each course."""
+    rows = found["courses"]
+    systems = list(dict.fromkeys(row["system"] for row in rows))[:2]
+    names = list(dict.fromkeys(row["course"] for row in rows))
+    picture, panels = figures.figure(13, 1 + 0.3 * len(names), len(DRIVEN))
+    at, height = np.arange(len(names))[::-1], 0.4
+    for p, (axes, (column, label)) in enumerate(zip(panels, DRIVEN.items(), strict=True)):
+        for i, system in enumerate(systems):
+            value = {row["course"]: row[column] for row in rows if row["system"] == system}
+            axes.barh(
+                at + height * (0.5 - i), _numbers([value[n] for n in names]), height=height, label=system
+            )
+        axes.set_yticks(at, names if p == 0 else [""] * len(names))
+        axes.set_xlabel(label)
+        axes.grid(True, axis="x")
+    panels[0].legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2)
+    return picture
+
+
+def _numbers(values: list[float | None]) -> list[float]:
+    return [np.nan if value is None else value for value in values]
