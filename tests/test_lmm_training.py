@@ -1,0 +1,187 @@
+"""Training from a database to a model: what it learns, keeps apart, repeats, and refuses."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import lmm_models
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch", reason="training needs torch")
+
+from lmm import stages  # noqa: E402
+from lmm.model import Model  # noqa: E402
+from lmm.training import settings as settings_of  # noqa: E402
+from lmm.training.data import Data, spread  # noqa: E402
+from lmm.training.decompressor import DecompressorStage  # noqa: E402
+from lmm.training.networks import Perceptron  # noqa: E402
+from lmm.training.projector import ProjectorStage  # noqa: E402
+from lmm.training.stepper import StepperStage  # noqa: E402
+from lmm.training.train import train  # noqa: E402
+
+
+def settings(recipe: str = "ours", **changes: object):
+    """A training of a second or two."""
+    found = settings_of.preset(recipe, "smoke")
+    small = {
+        "decompressor": replace(found.decompressor, iterations=150, batch=64, hidden=(64,), evaluate=50),
+        "stepper": replace(found.stepper, iterations=60, batch=32, hidden=(48, 48), evaluate=30),
+        "projector": replace(found.projector, iterations=60, batch=64, hidden=(48, 48), evaluate=30),
+    }
+    common = {"latent": 8, "compressor": (48, 48), "held_out": 0.3, "threads": 1}
+    return replace(found, **(small | common | changes))
+
+
+@pytest.fixture(scope="module")
+def database():
+    return lmm_models.database()
+
+
+@pytest.fixture(scope="module")
+def trained(database, tmp_path_factory):
+    return train(database, tmp_path_factory.mktemp("trained") / "walk.lmm", settings())
+
+
+def test_training_writes_a_model_that_knows_the_data(database, trained, tmp_path):
+    assert trained.held_out and set(trained.held_out) < set(database.names)
+    trained.check(database)
+    assert np.isfinite(trained.latents(database)).all()
+    errors = trained.errors["decompressor"]
+    assert set(errors) == {"training", "held_out"}
+    layout = trained.layout
+    mean = layout.pack(database).mean(axis=0, keepdims=True).repeat(len(database), axis=0)
+    data = Data(database, trained.held_out)
+    stage = DecompressorStage(data, settings())
+    stage.begin()
+    of_the_mean = stage.joint_errors(mean, np.arange(len(database))).mean()
+    assert errors["training"]["error_cm"] < 0.3 * of_the_mean  # it has learned more than the mean pose
+
+
+def test_the_same_seed_gives_the_same_model_and_another_another(database, trained, tmp_path):
+    again = train(database, tmp_path / "again.lmm", settings())
+    other = train(database, tmp_path / "other.lmm", settings(seed=1))
+    assert again.fingerprint == trained.fingerprint != other.fingerprint
+    assert Model.load(tmp_path / "again.lmm").fingerprint == again.fingerprint
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "again.lmm", "again.lmm.jsonl", "other.lmm", "other.lmm.jsonl"
+    ]  # fmt: skip
+
+
+def test_the_published_recipe_trains_too(database, tmp_path):
+    model = train(database, tmp_path / "reference.lmm", settings("reference"))
+    assert model.training["settings"]["recipe"] == "reference"
+    assert np.isfinite([network.evaluate(np.zeros((1, network.sizes[0]), np.float32)).sum()
+                        for network in model.networks.values()]).all()  # fmt: skip
+
+
+def test_windows_stay_within_clips_and_off_those_held_out(database):
+    held = (database.names[0],)
+    data = Data(database, held)
+    for window in (1, 2, 20):
+        starts = data.starts(window)
+        ranges = database.ranges()
+        assert np.array_equal(ranges[starts], ranges[starts + window - 1])
+        assert not {database.names[r] for r in np.unique(ranges[starts])} & set(held)
+        lengths = (database.stops - database.starts)[data.ranges["training"]]
+        assert len(starts) == (lengths - window + 1).clip(0).sum()
+    both = np.concatenate([data.frames["training"], data.frames["held_out"]])
+    assert np.array_equal(np.sort(both), np.arange(len(database)))
+
+
+def test_a_stepper_can_run_on_and_its_first_step_is_the_networks_rate(database, trained):
+    state = stages.LatentState.of(
+        np.hstack([database.features[:5], trained.latents(database)[:5]]).astype(np.float32), trained.F
+    )
+    before = state.values.copy()
+    stages.StepperStepping(trained).step(state)
+    expected = before + trained.stepper.evaluate(before) / np.float32(database.fps)
+    np.testing.assert_allclose(state.values, expected, atol=1e-4)
+
+
+def test_answers_of_the_projector_are_searched_among_what_it_may_know(database):
+    held = tuple(sorted(set(database.names)))[:1]
+    chosen = settings()
+    data = Data(database, held)
+    first = DecompressorStage(data, chosen)
+    first.begin()
+    stage = ProjectorStage(data, chosen, first)
+    stage.begin()
+    of_range = database.ranges()
+    for queries, frames in (stage._real, stage._made, stage._judged):
+        assert len(queries) == len(frames) > 0
+        assert not {database.names[r] for r in np.unique(of_range[frames])} & set(held)
+        ends = database.stops[of_range[frames]] - queries.ignore_end
+        assert (frames < ends).all()
+    queries, frames = stage._made
+    near = np.abs(queries.current - frames) < queries.radius
+    assert not near.any()
+    # Brute force agrees on a sample.
+    allowed = np.isin(of_range, np.flatnonzero(data.ranges["training"]))
+    allowed &= np.arange(len(database)) < (database.stops - queries.ignore_end)[of_range]
+    for i in range(0, len(queries), max(1, len(queries) // 20)):
+        mine = allowed & (np.abs(np.arange(len(database)) - queries.current[i]) >= queries.radius)
+        distances = ((database.features[mine] - queries.features[i]) ** 2).sum(axis=1)
+        found = ((database.features[frames[i]] - queries.features[i]) ** 2).sum()
+        assert found == pytest.approx(distances.min(), rel=1e-4, abs=1e-5)
+
+
+def test_a_projector_of_crouching_data_is_told_who_crouches():
+    database = lmm_models.database(crouch=True)
+    data, chosen = Data(database), settings(held_out=0.0)
+    first = DecompressorStage(data, chosen)
+    first.begin()
+    stage = ProjectorStage(data, chosen, first)
+    stage.begin()
+    assert stage.projector.network().sizes[0] == database.schema.size + 1
+    tag = database.tag_mask(["crouch"])
+    for queries, frames in (stage._real, stage._made):
+        asked = stage._inputs(queries)[:, -1] == 1
+        assert np.array_equal((database.tags[frames] & tag) != 0, asked)
+    assert 0 < stage._inputs(stage._made[0])[:, -1].mean() < 1
+
+
+def test_rates_do_not_cross_clips(database):
+    data, chosen = Data(database), settings(held_out=0.0)
+    first = DecompressorStage(data, chosen)
+    first.begin()
+    stage = StepperStage(data, chosen, first)
+    stage.begin()
+    states = stage.states
+    inner = np.setdiff1d(np.arange(len(database)), database.stops - 1)
+    rates = (states[inner + 1] - states[inner]) * np.float32(database.fps)
+    np.testing.assert_allclose(stage.stepper.output_mean.numpy(), rates.mean(axis=0), rtol=1e-3, atol=1e-4)
+    np.testing.assert_allclose(stage.stepper.output_std.numpy(), rates.std(axis=0), rtol=1e-3, atol=1e-4)
+
+
+@pytest.mark.parametrize("activation", ["relu", "elu"])
+def test_a_network_of_torch_and_the_stored_one_agree(activation):
+    rng = np.random.default_rng(3)
+    module = Perceptron((7, 16, 16, 5), activation, seed=1, name="any")
+    sizes = {"input_mean": 7, "input_std": 7, "output_mean": 5, "output_std": 5}
+    numbers = {name: rng.uniform(0.5, 2, size).astype(np.float32) for name, size in sizes.items()}
+    numbers["input_std"][2] = numbers["output_std"][1] = 0
+    module.normalise(**numbers)
+    x = rng.standard_normal((50, 7)).astype(np.float32)
+    np.testing.assert_allclose(module.evaluate(x), module.network().evaluate(x), atol=2e-6)
+    assert np.all(module.evaluate(x)[:, 1] == numbers["output_mean"][1])
+
+
+def test_columns_that_do_not_vary_have_no_spread():
+    values = np.random.default_rng(0).standard_normal((1000, 3)).astype(np.float32)
+    values[:, 1] = 1.2345
+    values[:, 2] *= 1e-3
+    mean, std = spread(values)
+    assert std[1] == 0 and mean[1] == pytest.approx(1.2345)
+    np.testing.assert_allclose(std[[0, 2]], values.std(axis=0)[[0, 2]], rtol=1e-4)
+
+
+@pytest.mark.data
+def test_the_dog_trains(data, tmp_path):
+    from mm.build import build
+
+    database = build([data / "dog_mann"], schema="quadruped39", jobs=1, mirror=False)
+    database.save(tmp_path / "dog.mmdb")
+    model = train(database, tmp_path / "dog.lmm", settings(held_out=0.1))
+    assert model.F == 39 and model.layout.joints == len(database.skeleton)
+    assert np.isfinite(model.errors["decompressor"]["held_out"]["error_cm"])
