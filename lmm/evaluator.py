@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import kernels, kernels_numpy
-from .lanes import LANES, PANEL, TALL
+from .lanes import GROUP, LANES, PANEL, TALL
 from .network import Network
 
 CONSTANT = 1e-7  # a column that varies by less than this part of the most varying one is left at its mean
@@ -16,14 +16,15 @@ CONSTANT = 1e-7  # a column that varies by less than this part of the most varyi
 
 @dataclass(frozen=True, eq=False)
 class Packed:
-    """A network as the kernels read it: panels of 32 outputs, without the outputs that never change.
+    """A network as the kernels read it: groups of 256 outputs, without the outputs that never change.
 
     The last layer's scales and biases give outputs in their own units: scale * output_std and
     bias * output_std + output_mean, computed in float64.
 
     Attributes
     ----------
-    weights : float32, uint16 (half floats) or int8, flat: of each layer its panels [inputs, 32], padded by 0.
+    weights : float32, uint16 (half floats) or int8, flat: of each layer its groups [inputs, 256], the last
+        one narrower: outputs are padded by 0 to a multiple of 32.
     numbers : float32, flat: input_mean [I], input_std [I], then of each layer scales and biases, padded.
     layers : int64 [layers, 4]: inputs, panels, where its weights begin, where its scales begin.
     columns : int64 [V], the outputs that vary.
@@ -77,7 +78,7 @@ def pack(network: Network) -> Packed:
         panels = -(-outputs // PANEL)
         padded = np.zeros((inputs, panels * PANEL), weight.dtype)
         padded[:, :outputs] = weight
-        weights.append(padded.reshape(inputs, panels, PANEL).transpose(1, 0, 2).ravel())
+        weights += [padded[:, p : p + GROUP * PANEL].ravel() for p in range(0, panels * PANEL, GROUP * PANEL)]
         layers.append((inputs, panels, at, sum(map(len, numbers))))
         at += padded.size
         numbers += [np.pad(row, (0, panels * PANEL - outputs)) for row in (scale, bias)]

@@ -8,13 +8,14 @@ from typing import Any
 import numba
 import numpy as np
 
-from .lanes import PANEL, SHORT, TALL, active_times_panels, rows_times_panel, to_floats
+from .lanes import GROUP, PANEL, SHORT, TALL, active_times_panels, panel_to_floats, rows_times_panel
 
 _jit = numba.njit(cache=True, nogil=True, error_model="numpy")
 
 BLOCK = 96  # rows that go through all layers together, at most: what lies between them stays in the cache
-# Up to so many rows each goes by itself, past inputs that are 0; compact weights must be widened for more.
-FEW, FEW_COMPACT = 3, 7
+# Up to so many rows each goes by itself, past inputs that are 0; more need floats, made of compact weights.
+FEW, FEW_COMPACT = 3, 6
+MANY = 2 * TALL  # from so many rows on, a panel of floats is copied, too, to stand in few cache lines
 TINY: Any = np.float32(1e-8)  # shorter columns of a rotation are no direction
 
 
@@ -67,23 +68,31 @@ def _one_row(layer, weights, numbers, x, rectify, active, values, y):
         count += x[i] != 0
     listed, value, p = active.ctypes.data, values.ctypes.data, 0
     while p < panels:
-        at, place = first + p * inputs * PANEL, 4 * p * PANEL
+        at, stride = _panel(first, inputs, panels, p)
+        place = 4 * p * PANEL
         to = y.ctypes.data + place
-        if p + 8 <= panels:
+        if p + GROUP <= panels:
             active_times_panels(
-                8, weights, at, inputs, listed, value, count, scale + place, bias + place, rectify, to
+                GROUP, weights, at, stride, listed, value, count, scale + place, bias + place, rectify, to
             )
-            p += 8
+            p += GROUP
         elif p + 2 <= panels:
             active_times_panels(
-                2, weights, at, inputs, listed, value, count, scale + place, bias + place, rectify, to
+                2, weights, at, stride, listed, value, count, scale + place, bias + place, rectify, to
             )
             p += 2
         else:
             active_times_panels(
-                1, weights, at, inputs, listed, value, count, scale + place, bias + place, rectify, to
+                1, weights, at, stride, listed, value, count, scale + place, bias + place, rectify, to
             )
             p += 1
+
+
+@_jit
+def _panel(first, inputs, panels, p):
+    """Where panel p of a layer begins that begins at number first of the weights, and the stride of it."""
+    group = p // GROUP * GROUP
+    return first + PANEL * (group * inputs + p - group), PANEL * min(GROUP, panels - group)
 
 
 @_jit
@@ -92,23 +101,24 @@ def _many_rows(layer, weights, numbers, work, from_, rows, width, rectify, float
     inputs, panels, first, scale = layer[0], layer[1], layer[2], numbers.ctypes.data + 4 * layer[3]
     bias = scale + 4 * panels * PANEL
     for p in range(panels):
-        at, place = first + p * inputs * PANEL, 4 * p * PANEL
+        at, stride = _panel(first, inputs, panels, p)
         panel = weights.ctypes.data + 4 * at
-        if weights.itemsize < 4:
+        if weights.itemsize < 4 or rows > MANY:
             panel = floats.ctypes.data
-            to_floats(weights, at, inputs * PANEL, panel)
-        n = 0
+            panel_to_floats(weights, at, stride, inputs, panel)
+            stride = PANEL
+        place, n = 4 * p * PANEL, 0
         while n < rows:
             x = work.ctypes.data + 4 * (from_ + n * width)
             y = work.ctypes.data + 4 * (to + n * width) + place
             if n + TALL <= rows:
                 rows_times_panel(
-                    TALL, x, width, panel, inputs, scale + place, bias + place, rectify, y, width
+                    TALL, x, width, panel, stride, inputs, scale + place, bias + place, rectify, y, width
                 )
                 n += TALL
             else:
                 rows_times_panel(
-                    SHORT, x, width, panel, inputs, scale + place, bias + place, rectify, y, width
+                    SHORT, x, width, panel, stride, inputs, scale + place, bias + place, rectify, y, width
                 )
                 n += SHORT
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .lanes import PANEL
+from .lanes import GROUP, PANEL
 from .layout import Layout
 from .network import elu as elu_of
 
@@ -16,8 +16,11 @@ def evaluate(x, layers, weights, numbers, columns, elu, rows_between, panel, act
     h = (x - numbers[:inputs]) / numbers[inputs : 2 * inputs]
     for layer, (depth, panels, first, scale) in enumerate(layers):
         width = panels * PANEL
-        matrix = stored[first : first + depth * width].reshape(panels, depth, PANEL)
-        matrix = matrix.transpose(1, 0, 2).reshape(depth, width).astype(np.float32)
+        starts = range(first, first + depth * width, depth * GROUP * PANEL)
+        groups = [
+            stored[start : min(start + depth * GROUP * PANEL, first + depth * width)] for start in starts
+        ]
+        matrix = np.concatenate([group.reshape(depth, -1) for group in groups], axis=1, dtype=np.float32)
         scales, biases = numbers[scale : scale + 2 * width].reshape(2, width)
         h = h[:, :depth] @ matrix * scales + biases
         if layer < last:

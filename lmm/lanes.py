@@ -1,10 +1,10 @@
 """Vector instructions for the networks' kernels: 16 floats at a time, weights read as they are stored.
 
 Written in LLVM's vector types as `mm.search.lanes` is: every processor's back end maps them to what it has.
-Weights are float32, half floats seen as uint16, or int8, and stand in panels of 32 outputs:
-[inputs, 32] each, one panel after the other. Half floats become floats by the processor's own instruction
-where the compiler may use one, elsewhere by shifts and a product, which is exact. Addresses are those of
-contiguous arrays (`array.ctypes.data`).
+Weights are float32, half floats seen as uint16, or int8. They are read in panels of 32 outputs, which stand
+side by side in groups: strides count weights from one input to the next. Half floats become floats by the
+processor's own instruction where the compiler may use one, elsewhere by shifts and a product, which is exact.
+Addresses are those of contiguous arrays (`array.ctypes.data`).
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from numba.core import config as numba_config
 
 LANES = 16
 PANEL = 2 * LANES
+GROUP = 8  # panels whose sums 16 registers hold
 
 intrinsic: Any = extending.intrinsic  # its type says that calls take the context too
 config: Any = numba_config  # whose settings come from the environment
@@ -110,24 +111,25 @@ def _finish(b: Any, total: Any, scale: Any, bias: Any, rectify: Any) -> Any:
 
 
 @intrinsic(prefer_literal=True)
-def rows_times_panel(context, rows, x, stride, panel, inputs, scale, bias, rectify, y, y_stride):
+def rows_times_panel(context, rows, x, x_stride, panel, stride, inputs, scale, bias, rectify, y, y_stride):
     """Write x [rows, inputs] @ panel [inputs, 32] * scale + bias to y [rows, 32]; all are floats.
 
-    rows is a constant; strides count floats from row to row. Negative results become 0 where rectify is 1.
+    rows is a constant; strides count floats from row to row, of the panel from input to input. Negative
+    results become 0 where rectify is 1.
     """
     count = rows.literal_value
 
     def generate(context: Any, b: Any, _signature: Any, arguments: Any) -> Any:
-        _, x, stride, panel, inputs, scale, bias, rectify, y, y_stride = arguments
+        _, x, x_stride, panel, stride, inputs, scale, bias, rectify, y, y_stride = arguments
         # Without it all rows' loads move to the front, and sums are spilled to make room for them.
         fence = ir.InlineAsm(ir.FunctionType(ir.VoidType(), []), "", "~{memory}", side_effect=True)
         totals = [[cgutils.alloca_once_value(b, _constant(0.0)) for _ in range(2)] for _ in range(count)]
         with cgutils.for_range(b, inputs) as loop:
-            first = b.mul(loop.index, _long(PANEL))
+            first = b.mul(loop.index, stride)
             halves = [_load(b, panel, b.add(first, _long(LANES * half))) for half in range(2)]
             for row in range(count):
                 b.call(fence, [])
-                at = b.add(b.mul(stride, _long(row)), loop.index)
+                at = b.add(b.mul(x_stride, _long(row)), loop.index)
                 value = _splat(b, b.load(_pointer(b, x, at, _FLOAT)))
                 for total, half in zip(totals[row], halves, strict=True):
                     b.store(_add_product(b, b.load(total), value, half), total)
@@ -140,35 +142,32 @@ def rows_times_panel(context, rows, x, stride, panel, inputs, scale, bias, recti
         return context.get_dummy_value()
 
     address = types.intp
-    return types.none(rows, *[address] * 9), generate
+    return types.none(rows, *[address] * 10), generate
 
 
 @intrinsic(prefer_literal=True)
 def active_times_panels(
-    context, panels, weights, first, inputs, indices, values, count, scale, bias, rectify, y
+    context, panels, weights, first, stride, indices, values, count, scale, bias, rectify, y
 ):
     """Write the sum of values [count] times rows indices [count] of panels, times scale, plus bias, to y.
 
-    The panels, a constant number of them, begin at number first of weights and have so many inputs each;
-    indices are int32, all else floats. Inputs that are 0 are simply not listed.
+    The panels, a constant number of them, begin at number first of weights; indices are int32, all else
+    floats. Inputs that are 0 are simply not listed.
     """
     width, stored = panels.literal_value, str(weights.dtype)
 
     def generate(context: Any, b: Any, signature: Any, arguments: Any) -> Any:
-        _, weights, first, inputs, indices, values, count, scale, bias, rectify, y = arguments
+        _, weights, first, stride, indices, values, count, scale, bias, rectify, y = arguments
         array = context.make_array(signature.args[1])(context, b, weights)
         base = b.ptrtoint(array.data, _LONG)
         totals = [cgutils.alloca_once_value(b, _constant(0.0)) for _ in range(2 * width)]
         with cgutils.for_range(b, count) as loop:
             row = b.sext(b.load(_pointer(b, indices, loop.index, _INT)), _LONG)
-            at = b.add(first, b.mul(row, _long(PANEL)))
+            at = b.add(first, b.mul(row, stride))
             value = _splat(b, b.load(_pointer(b, values, loop.index, _FLOAT)))
-            for panel in range(width):
-                start = b.add(at, b.mul(inputs, _long(PANEL * panel)))
-                for half in range(2):
-                    total = totals[2 * panel + half]
-                    weight = _load(b, base, b.add(start, _long(LANES * half)), stored)
-                    b.store(_add_product(b, b.load(total), value, weight), total)
+            for place, total in enumerate(totals):
+                weight = _load(b, base, b.add(at, _long(LANES * place)), stored)
+                b.store(_add_product(b, b.load(total), value, weight), total)
         for place, total in enumerate(totals):
             column = _long(LANES * place)
             scales, biases = _load(b, scale, column), _load(b, bias, column)
@@ -180,17 +179,18 @@ def active_times_panels(
 
 
 @intrinsic
-def to_floats(context, weights, first, count, floats):
-    """Write count weights from number first on to floats; 16 divides count."""
+def panel_to_floats(context, weights, first, stride, inputs, floats):
+    """Write a panel [inputs, 32], which begins at number first of weights, to contiguous floats."""
     stored = str(weights.dtype)
 
     def generate(context: Any, b: Any, signature: Any, arguments: Any) -> Any:
-        weights, first, count, floats = arguments
+        weights, first, stride, inputs, floats = arguments
         array = context.make_array(signature.args[0])(context, b, weights)
         base = b.ptrtoint(array.data, _LONG)
-        with cgutils.for_range(b, b.sdiv(count, _long(LANES))) as loop:
-            at = b.mul(loop.index, _long(LANES))
-            _store(b, _load(b, base, b.add(first, at), stored), floats, at)
+        with cgutils.for_range(b, inputs) as loop:
+            at, to = b.add(first, b.mul(loop.index, stride)), b.mul(loop.index, _long(PANEL))
+            for half in (_long(0), _long(LANES)):
+                _store(b, _load(b, base, b.add(at, half), stored), floats, b.add(to, half))
         return context.get_dummy_value()
 
-    return types.none(weights, types.intp, types.intp, types.intp), generate
+    return types.none(weights, *[types.intp] * 4), generate
