@@ -78,7 +78,7 @@ def model(db: Database, *, latents: int = LATENTS, hidden: int = 16) -> Model:
         database=db.fingerprint,
         ranges=len(db.starts),
         frames=len(db),
-        training={"recipe": "ours", "preset": "smoke", "seed": 0},
+        training={"settings": {"recipe": "ours", "preset": "smoke", "seed": 0}},
         errors={"held_out": {"position_cm": 2.0}},
     )
     table = np.concatenate([db.features, made.latents(db)], axis=1)
@@ -100,8 +100,8 @@ def linear_model(db: Database, *, latents: int | None = None) -> Model:
     """A model of a database whose networks are one layer each, so that their errors are known.
 
     Latents are the first principal components of the decompressor's vectors (all that vary when None), which
-    the decompressor turns back; the stepper stands still; the projector answers with the query itself and
-    latents of 0, the mean.
+    the decompressor turns back; the stepper all but stands still; the projector answers with the query itself
+    and latents of 0, the mean.
     """
     base = model(db, latents=latents or 1)
     vectors = base.layout.pack(db).astype(np.float64)
@@ -117,7 +117,7 @@ def linear_model(db: Database, *, latents: int | None = None) -> Model:
         base,
         compressor=layer(np.concatenate([axes.T, np.zeros((rest, count))]), -mean @ axes.T),
         decompressor=layer(np.concatenate([np.zeros((features, len(mean))), axes]), mean),
-        stepper=layer(np.zeros((state, state)), np.zeros(state)),
+        stepper=layer(-1e-6 * np.eye(state), np.zeros(state)),
         projector=layer(echo, np.zeros(state)),
         state_low=table.min(axis=0),
         state_high=table.max(axis=0),

@@ -2,17 +2,37 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import lmm_models
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
-from lmm.evaluation import decompressor, projector, stepper
+from lmm.cli import main
+from lmm.evaluation import decompressor, driving, evaluate, pictures, projector, stepper
+from lmm.model import Model
 from mm import quality
 from mm import queries as recorded
+from mm.controller import Controller
+from mm.settings import Settings
 from motion import quat
+from motion.errors import UserError
+from motion.pose import Poses
 from motion.skeleton import Skeleton
+
+BRIEF = evaluate.Plan(
+    starts=20,
+    queries=100,
+    courses=("circle", "start-stop"),
+    seconds=2.0,
+    mixed=("circle",),
+    mixed_seconds=1.0,
+    minutes=0.02,
+    characters=2,
+)
 
 
 @pytest.fixture(scope="module")
@@ -219,3 +239,196 @@ def test_who_may_crouch_is_asked_whether_to():
     noisy = projector.noisy_rows(tagged, asked)
     np.testing.assert_array_equal(noisy.required ^ noisy.forbidden, 1)
     assert 0 < noisy.required.mean() < 1
+
+
+def test_mm_by_way_of_stages_is_motion_matching(database, exact):
+    judge = driving.Judge(database, ("circle", "start-stop"), seconds=3)
+    (system,) = driving.systems(exact, database, [""])
+    plain = Controller(database, settings=Settings(), name="mm")
+    for course in judge.courses:
+        mine, its = judge.judge(system, course), judge.judge(plain, course)
+        for row in (mine, its):
+            assert row.pop("frame_us") > 0
+        np.testing.assert_equal(mine, its)
+        assert mine["system"] == "mm" and mine["seconds"] == 3 and mine["course"] == course.name
+        assert 0 <= mine["real_cm"] < 3  # what blending and foot locking make of real poses
+    assert judge.courses[0].scale  # at the speeds of the data
+
+
+def test_a_model_without_loss_but_for_time_stands_in_the_mean_pose(database, exact):
+    """Its projector answers with latents of the mean and its stepper stays: the same pose for ever."""
+    judge = driving.Judge(database, ("circle",), seconds=2)
+    (system,) = driving.systems(exact, database, ["PSD"], locked=False)
+    row = judge.judge(system, judge.courses[0])
+    assert row["system"] == "lmm-PSD-free"
+    vectors = exact.layout.pack(database)
+    mean, _ = exact.layout.unpack(vectors.mean(axis=0, keepdims=True), database.fps)
+    local = quality.in_root_space(database.skeleton, mean.positions, mean.rotations)
+    assert row["real_cm"] == pytest.approx(driving.RealPoses(database).distances(local)[0], rel=0.05)
+
+
+def test_other_courses_and_no_time():
+    judge = driving.Judge(lmm_models.database(), ("circle",), seconds=1)
+    judge.take(("star", "random"), seconds=2)
+    assert [course.name for course in judge.courses] == ["star", "random"]
+    with pytest.raises(UserError, match="0 seconds"):
+        judge.take(("star",), seconds=0)
+
+
+def test_summaries_are_means_of_what_has_a_number():
+    rows = [
+        {"system": "mm", "course": c, "path_cm": path, "pop_cm": pop, "seconds": 2.0}
+        for c, path, pop in (("a", 1.0, 3.0), ("b", float("nan"), 5.0), ("c", 4.0, float("nan")))
+    ]
+    (row,) = driving.summary(rows)
+    assert row == {"system": "mm", "courses": 3, "path_cm": 2.5, "pop_cm": 5.0, "seconds": 2.0}
+
+
+def test_extremes_by_hand(database, exact):
+    model = replace(
+        exact, state_low=np.array([0, -1, 3], np.float32), state_high=np.array([2, 1, 3], np.float32)
+    )
+    joints = len(database.skeleton)
+    poses = Poses.empty(2, joints)
+    for mine, its in zip(poses.arrays().values(), database.poses[[0, 5]].arrays().values(), strict=True):
+        mine[:] = its
+    seen = driving.Extremes(model, database)
+    inside = np.array([[1, 0, 3], [2, 1, 3]], np.float32)
+    assert seen.see(inside, poses, 60)
+    assert seen.bone == 0 and seen.speed == 0 and seen.excess().max() == 0 and seen.outside == -1
+    bone = np.linalg.norm(database.poses.positions[:, 5], axis=-1)
+    poses.positions[1, 5] *= (bone.max() + 0.03) / np.linalg.norm(poses.positions[1, 5])
+    poses.positions[0, 0, 2] += 0.05
+    assert seen.see(inside - np.array([[0, 2, 0], [0, 0, 7]], np.float32), poses, 60)
+    assert seen.bone == pytest.approx(3, rel=1e-3) and seen.speed == pytest.approx(3, rel=1e-3)
+    np.testing.assert_allclose(seen.excess(), [0, 0.5, 0])  # 1 below a range of 2; no range, no share
+    assert seen.outside == -1
+    assert seen.see(inside + np.array([2, 0, 0], np.float32), poses, 60)
+    np.testing.assert_allclose(seen.excess(), [1, 0.5, 0])
+    assert seen.outside == 3
+    poses.rotations[0, 3, 2] = np.nan
+    assert not seen.see(inside, poses, 60) and seen.broken == 4
+
+
+def test_what_stands_still_lasts_and_what_grows_is_caught(database, exact):
+    calm = driving.endure(exact, database, seconds=4, characters=2)
+    assert calm["finite"] and calm["minutes"] == pytest.approx(4 / 60) and calm["broken_s"] is None
+    assert calm["bone_excess_cm"] < 0.01 and calm["speed_mps"] <= 1.5 * calm["data_speed_mps"]
+    state = exact.F + exact.L
+    growing = lmm_models.layer(np.eye(state) * 600, np.ones(state))  # tenfold a frame
+    wild = driving.endure(replace(exact, stepper=growing), database, seconds=4, characters=2)
+    assert not wild["passed"] and (not wild["finite"] or wild["state_excess"] > 1)
+    assert wild["outside_s"] < 1
+
+
+def _found(**changes) -> dict:
+    found = {
+        "decompressor": {"whole": {"position_cm": {"mean": 0.9}}, "held_out": {"position_cm": {"mean": 2.1}}},
+        "stepper": {"training": {"drift": [{"steps": 10, "joints_cm": 5.0}]}, "held_out": {"drift": []}},
+        "projector": {"real": {"regret": {"median": 1.06}}},
+        "systems": [
+            {"system": "mm", "skate_cm_s": 5.0, "path_cm": 2.0},
+            {"system": "lmm-PSD", "skate_cm_s": 5.4, "path_cm": 2.4},
+        ],
+        "endurance": {"minutes": 10.0, "passed": True},
+    }
+    return found | changes
+
+
+def test_targets_are_met_or_not():
+    rows = evaluate.targets(_found())
+    assert [row["met"] for row in rows] == [True, False, True, False, True, False, True]
+    assert rows[4]["found"] == pytest.approx(1.08) and "10 minutes" in rows[-1]["what"]
+    free = [{"system": f"{name}-free", "skate_cm_s": 1.0, "path_cm": None} for name in ("mm", "lmm-PSD")]
+    rows = evaluate.targets(_found(systems=free))
+    assert [row["met"] for row in rows[4:6]] == [True, None]
+
+
+def test_plain_data_has_nothing_that_json_lacks():
+    value = {"a": [np.float32(1.5), float("nan"), (np.int64(2), np.inf)], "b": np.bool_(True), "c": None}
+    assert evaluate.plain(value) == {"a": [1.5, None, [2, None]], "b": True, "c": None}
+    json.dumps(evaluate.plain(value), allow_nan=False)
+
+
+@pytest.fixture(scope="module")
+def crouching():
+    """Another rate, and a tag that divides the data."""
+    return lmm_models.database(crouch=True, fps=30.0)
+
+
+def test_everything_of_a_model_at_another_rate_with_tags(crouching):
+    model = lmm_models.linear_model(crouching, latents=6)
+    found = evaluate.evaluate(model, crouching, BRIEF)
+    assert json.loads(json.dumps(found, allow_nan=False)) == found
+    assert set(found["decompressor"]) == {"whole", "training", "held_out"}
+    frames = {part: errors["frames"] for part, errors in found["decompressor"].items()}
+    assert frames["whole"] == frames["training"] + frames["held_out"] == len(crouching)
+    assert set(found["stepper"]) == {"training", "held_out"}
+    assert [row["system"] for row in found["systems"]] == ["mm", "lmm-PSD", "mm-free", "lmm-PSD-free"]
+    assert len(found["courses"]) == 8
+    assert [row["system"] for row in found["mixtures"]] == [
+        "mm", *(f"lmm-{letters}" for letters in ("P", "S", "D", "PS", "PD", "SD", "PSD"))
+    ]  # fmt: skip
+    sizes = {row["system"]: row["memory_mb"] for row in found["mixtures"]}
+    assert sizes["lmm-PSD"] < sizes["mm"]
+    again = evaluate.evaluate(model, crouching, BRIEF)
+    for part in ("decompressor", "stepper", "projector", "endurance"):
+        assert again[part] == found[part]
+    drawn = pictures.all_of(found)
+    assert set(drawn) == {"joints.png", "drift.png", "regret.png", "courses.png"}
+    assert all(data.startswith(b"\x89PNG") for data in drawn.values())
+
+
+def test_without_held_out_clips_there_is_one_part(database, exact):
+    model = replace(exact, held_out=())
+    found = evaluate.evaluate(model, database, replace(BRIEF, courses=("circle",), mixed=("circle",)))
+    assert set(found["decompressor"]) == {"whole", "training"} and set(found["stepper"]) == {"training"}
+    assert not any("held" in row["what"] for row in found["targets"])
+    pictures.all_of(found)
+
+
+@pytest.fixture(scope="module")
+def stored(database, rough, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("evaluate")
+    database.save(folder / "walk.mmdb")
+    replace(rough, database=database.fingerprint).save(folder / "walk.lmm")
+    return folder
+
+
+def _run(*arguments: object):
+    return CliRunner().invoke(main, ["evaluate", *map(str, arguments)])
+
+
+def test_the_command_prints_and_saves(stored, tmp_path, monkeypatch):
+    monkeypatch.setattr(evaluate, "QUICK", BRIEF)
+    asked = [stored / "walk.mmdb", stored / "walk.lmm", "--quick", "--seconds", 1]
+    result = _run(*asked, "-o", tmp_path / "out")
+    assert result.exit_code == 0, result.output
+    for text in ("held out", "projector", "lmm-SD", "good enough?", "random commands"):
+        assert text in result.stdout
+    saved = json.loads((tmp_path / "out" / "evaluation.json").read_text())
+    assert {path.name for path in Path(tmp_path, "out").iterdir()} == {
+        "evaluation.json", "joints.png", "drift.png", "regret.png", "courses.png"
+    }  # fmt: skip
+    assert saved["courses"][0]["seconds"] == 1 and saved["model"]["held_out"] == ["run"]
+    printed = json.loads(_run(*asked, "--json", "--minutes", 0.01, "--seed", 3).stdout)
+    assert set(printed) == set(saved) and printed["endurance"]["minutes"] == pytest.approx(0.01, rel=0.05)
+    assert printed["decompressor"] == saved["decompressor"]
+    assert printed["projector"] != saved["projector"]
+
+
+@pytest.mark.parametrize("options", [{"fps": 30.0}, {"schema": "o3de59"}, {"crouch": True}])
+def test_a_model_of_another_database_is_one_line(stored, tmp_path, options, monkeypatch):
+    monkeypatch.setattr(evaluate, "evaluate", lambda *a, **b: pytest.fail("it began to work"))
+    lmm_models.database(**options).save(tmp_path / "other.mmdb")
+    result = _run(tmp_path / "other.mmdb", stored / "walk.lmm")
+    lines = result.stderr.splitlines()
+    assert result.exit_code == 2 and len(lines) == 1 and lines[0].startswith("error: "), result.output
+
+
+def test_a_folder_that_is_a_file_is_refused_before_the_work(stored, tmp_path, monkeypatch):
+    monkeypatch.setattr(evaluate, "evaluate", lambda *a, **b: pytest.fail("it began to work"))
+    (tmp_path / "out").write_text("")
+    result = _run(stored / "walk.mmdb", stored / "walk.lmm", "-o", tmp_path / "out")
+    assert result.exit_code == 2 and result.stderr.count("\n") == 1, result.output
+    assert Model.load(stored / "walk.lmm").frames  # untouched

@@ -187,7 +187,8 @@ def endure(
     steps = drive(driven, Clock(course, characters, driven.fps, spread=True))
     for _ in progress(iter(range(frames)), label="endurance", total=frames, unit="frames"):
         next(steps)
-        if not seen.see(driven.state.values, driven.poses(), driven.fps):
+        state: Any = driven.state  # a `lmm.stages.LatentState`
+        if not seen.see(state.values, driven.poses(), driven.fps):
             break
     excess = seen.excess()
     finite = seen.broken < 0

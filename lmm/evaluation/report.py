@@ -132,7 +132,7 @@ def systems(rows: list[dict[str, Any]], *, brief: bool = False) -> list[dict[str
     shown = [c for c in COLUMNS if (not brief or c[0] in BRIEF) and any(c[0] in row for row in rows)]
     out = []
     for row in rows:
-        cells = {key: row[key] for key in ("system", "course") if key in row}
+        cells: dict[str, Any] = {key: row[key] for key in ("system", "course") if key in row}
         for column, title, digits in shown:
             value = row.get(column)
             cells[title] = None if value is None else round(value, digits)
