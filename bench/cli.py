@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +15,7 @@ from motion import console, files
 from motion.errors import UserError
 
 if TYPE_CHECKING:
+    from lmm.model import Model
     from mm.database import Database
 
 CLIPS = (".bvh", ".amc", ".asf", ".npz", ".gltf", ".glb")
@@ -23,6 +24,16 @@ CLIPS = (".bvh", ".amc", ".asf", ".npz", ".gltf", ".glb")
 @console.group("bench", "Numbers to trust: memory, cost per frame, motion quality, search, crowds, reading.")
 def main() -> None:
     pass
+
+
+MODELS = click.option(
+    "--model",
+    "models",
+    multiple=True,
+    type=click.Path(),
+    metavar="MODEL",
+    help="A model that `lmm train` made from this database.  [repeatable]",
+)
 
 
 class Listed(click.ParamType):
@@ -58,6 +69,7 @@ class Listed(click.ParamType):
 @click.option(
     "--indexes", type=Listed(), metavar="A,B", help="Search indexes of motion matching.  [default: all]"
 )
+@MODELS
 @click.option(
     "--seconds", type=console.SECONDS, default=40.0, show_default=True, help="Of each course, at most."
 )
@@ -73,6 +85,7 @@ def compare(
     courses: tuple[str, ...] | None,
     systems: tuple[str, ...] | None,
     indexes: tuple[str, ...] | None,
+    models: tuple[str, ...],
     seconds: float,
     seed: int | None,
     scale: bool,
@@ -85,6 +98,10 @@ def compare(
     SOURCES are clips and folders, or one database. With -o the folder gets summary.csv, summary.json,
     courses.csv and report.html, and the database where one was built. Systems that end in -free do not
     hold the feet.
+
+    With --model networks take the place of stages of motion matching, in all seven ways: lmm-PSD is learned
+    projection, stepping and decompression, lmm-D the decompressor alone. Every system's poses are then held
+    against those of the data, and those of mm-exact under the same commands.
     """
     from mm import course as known_courses
 
@@ -94,16 +111,19 @@ def compare(
 
     folder = None if output is None else Path(output)
     if folder is not None:
-        _check_folder(folder, sources, chosen)
+        _check_folder(folder, (*sources, *models), chosen)
     # Faults in what was asked for come before the work, not after it.
-    registry.choose(systems, indexes=indexes)
+    learned = registry.load_models(models) if models else {}
+    registry.choose(systems, indexes=indexes, models=learned)
     loaded = [known_courses.load(name) for name in courses or comparing.COURSES]
     database, name = open_database(sources, folder and folder / "database.mmdb", chosen)
+    _check_models(learned, models, database)
     result = comparing.compare(
         database,
         courses=loaded,
         systems=systems,
         indexes=indexes,
+        models=learned,
         seconds=seconds,
         seed=seed,
         scale=scale,
@@ -150,13 +170,24 @@ def search(
 @click.argument("db", type=click.Path())
 @click.option("--counts", type=Listed(int), default="1,16,256,1024", show_default=True, help="Characters.")
 @click.option("--index", default="exact", show_default=True, help="Search index.")
+@MODELS
 @click.option("--seconds", type=console.SECONDS, default=5.0, show_default=True, help="Of each run.")
 @console.json_option
-def crowd(db: str, counts: tuple[int, ...], index: str, seconds: float, as_json: bool) -> None:
-    """Microseconds a character and frame by number of characters, with and without search, by stage."""
-    from . import crowd as crowds
+def crowd(
+    db: str, counts: tuple[int, ...], index: str, models: tuple[str, ...], seconds: float, as_json: bool
+) -> None:
+    """Microseconds a character and frame by number of characters, with and without search, by stage.
 
-    rows = crowds.measure(_load(db), counts=counts, index=index, seconds=seconds, progress=True)
+    With --model of learned motion matching too, beside motion matching.
+    """
+    from . import crowd as crowds
+    from . import systems as registry
+
+    learned, database = registry.load_models(models) if models else {}, _load(db)
+    _check_models(learned, models, database)
+    rows = crowds.measure(
+        database, counts=counts, index=index, models=learned, seconds=seconds, progress=True
+    )
     if as_json:
         console.print_json(rows)
     else:
@@ -392,6 +423,12 @@ def _check_folder(folder: Path, sources: tuple[str, ...], chosen: dict[str, Any]
     for name in ("database.mmdb", "summary.csv", "summary.json", "courses.csv", "report.html"):
         others = inputs if name != "database.mmdb" else ()
         files.check_output(folder / name, inputs=[*options.inputs(chosen), *others])
+
+
+def _check_models(learned: Mapping[str, Model], paths: Iterable[str], database: Database) -> None:
+    """A UserError unless models are of a database."""
+    for model, path in zip(learned.values(), paths, strict=True):
+        model.check(database, path)
 
 
 def _load(path: str) -> Database:

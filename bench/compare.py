@@ -6,9 +6,9 @@ import contextlib
 import hashlib
 import math
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -19,16 +19,22 @@ from mm import quality, recording, speeds
 from mm.control import System
 from mm.course import Course
 from mm.database import Database
-from mm.driving import COURSES, SECONDS, Again, Clock, Diverged, natural_seconds
+from mm.driving import COURSES, SECONDS, Again, Clock, Diverged, Replay, natural_seconds
+from mm.nearness import RealPoses, difference
 from motion import console
 from motion.errors import UserError
 
 from . import timing
 from .systems import Entry, choose
 
+if TYPE_CHECKING:
+    from lmm.model import Model
+
 TIMED_SECONDS, REPEATS = 5.0, 3
 WORST = ("pop_cm",)  # of these a system's summary row has the largest, of all other metrics the mean
 DATA = "(the clips)"
+SAMPLED = 300  # frames of a run of which the nearest real pose is sought
+NEAR_SECONDS = 0.5  # by which two walks may be out of step
 KEPT = 8  # ways of a course, the last ones, that are tried before the driver is asked
 
 
@@ -45,6 +51,7 @@ class Comparison:
     feet : indices of the foot joints.
     notes : what a reader must know: what was scaled, what was left out.
     database : name, fingerprint, size and speeds of the data.
+    models : what the learned systems are made of: fingerprint, size and training by name.
     machine : see `bench.timing.machine`.
     """
 
@@ -55,6 +62,7 @@ class Comparison:
     feet: list[int]
     notes: list[str]
     database: dict[str, Any]
+    models: dict[str, dict[str, Any]] = field(default_factory=dict)
     machine: dict[str, str] = field(default_factory=timing.machine)
 
 
@@ -64,6 +72,7 @@ def compare(
     courses: Sequence[str | Course] = COURSES,
     systems: Sequence[str | Entry] | None = None,
     indexes: Sequence[str] | None = None,
+    models: Mapping[str, Model] | None = None,
     seconds: float = SECONDS,
     timed_seconds: float = TIMED_SECONDS,
     seed: int | None = None,
@@ -83,6 +92,8 @@ def compare(
     systems : names, families, patterns (see `bench.systems.choose`) or entries; all when None. Those that
         this database cannot have are left out with a note, unless none is left.
     indexes : search indexes of motion matching; all when None.
+    models : learned ones by name (see `bench.systems.learned`); with them every system's poses are held
+        against those of motion matching and of the data (see `_Yardstick`).
     timed_seconds : how much of each course the clock runs; the metrics are those of all of it.
     seed : of courses with a random user; their own when None.
     scale : bring the courses' speeds to those of the data.
@@ -94,7 +105,7 @@ def compare(
         raise UserError(f"{seconds} seconds", remedy="give a number above 0")
     walk, run = speeds.of_database(database)
     played = [_prepared(c, walk, run, seed, scale) for c in courses]
-    chosen, notes = _chosen(systems, indexes), []
+    chosen, notes = _chosen(systems, indexes, models), []
     if scale and walk > 0:
         notes.append(
             f"course speeds are scaled to the data: the fastest walk to {walk:.2f} m/s, "
@@ -103,7 +114,8 @@ def compare(
     feet = quality.Feet.of(database)
     rows, traces = [], []
     costs: dict[str, list[timing.Cost]] = {}
-    runs = [_Runs(course, feet, seconds) for course in played]
+    yardstick = _Yardstick(database) if models else None
+    runs = [_Runs(course, feet, seconds, yardstick) for course in played]
     jobs = [(entry, on_course) for entry in chosen for on_course in runs]
     system: System | None = None
     built: tuple[Any, ...] = ()
@@ -157,7 +169,19 @@ def compare(
             "seconds": seconds,
             "seed": seed,
         },
+        {name: _about(model) for name, model in (models or {}).items()},
     )
+
+
+def _about(model: Model) -> dict[str, Any]:
+    return {
+        "fingerprint": model.fingerprint,
+        "database": model.database,
+        "parameters": model.parameters,
+        "weights": {name: network.weight_type for name, network in model.networks.items()},
+        "held_out": list(model.held_out),
+        "training": model.training,
+    }
 
 
 def _prepared(course: str | Course, walk: float, run: float, seed: int | None, scale: bool) -> Course:
@@ -167,12 +191,60 @@ def _prepared(course: str | Course, walk: float, run: float, seed: int | None, s
     return course.scaled(walk=walk, run=run) if scale and walk > 0 else course
 
 
-def _chosen(systems: Sequence[str | Entry] | None, indexes: Sequence[str] | None) -> list[Entry]:
+def _chosen(
+    systems: Sequence[str | Entry] | None,
+    indexes: Sequence[str] | None,
+    models: Mapping[str, Model] | None,
+) -> list[Entry]:
     if systems is None or all(isinstance(s, str) for s in systems):
-        return choose(systems, indexes=indexes)  # type: ignore[arg-type]
+        return choose(systems, indexes=indexes, models=models)  # type: ignore[arg-type]
     if not all(isinstance(s, Entry) for s in systems):
         raise TypeError("give systems by name or as entries, not both")
     return list(systems)  # type: ignore[arg-type]
+
+
+class _Yardstick:
+    """What the data holds and what motion matching shows, to hold the poses of a system against.
+
+    Poses are compared root-aligned, by the mean distance of their joints in cm:
+
+        real_cm: to the nearest pose of the database, of evenly spread frames of the run;
+        mm_cm: to what mm-exact shows at the same frame under the same commands;
+        mm_near_cm: to the nearest pose that it shows within half a second.
+
+    The commands are those that mm-exact was asked on its own run over the course, and a system gets them
+    again whatever it does with them: so all systems are asked the very same, and held against the same
+    poses. Commands come from where a character is, so that each its own would not be the same; and those of
+    the judged system would be other ones, and easier to match, in every row. Both walk blindly, but poses are
+    not compared by where they are. Two walks that differ in anything are soon out of step, which is most of
+    mm_cm: what the rows of approximate searches have is what being out of step makes.
+    """
+
+    def __init__(self, database: Database) -> None:
+        self._database, self._real = database, RealPoses(database)
+        self._matching = choose(["mm-exact"])[0]
+
+    def matching(self, course: Course) -> System:
+        """The motion matching that others are held against."""
+        return self._matching.make(self._database, 1, obstacles=course.obstacles())
+
+    def real_cm(self, tape: recording.Recording) -> float:
+        some = np.linspace(0, len(tape) - 1, min(SAMPLED, len(tape))).astype(np.int64)
+        return float(self._real.distances(_local(tape)[some]).mean())
+
+    def matched_cm(self, tape: recording.Recording, matched: recording.Recording) -> dict[str, float]:
+        """Of two runs that were asked the same."""
+        poses, others = _local(tape), _local(matched)
+        window = round(NEAR_SECONDS * tape.fps)
+        return {
+            "mm_cm": float(difference(poses, others).mean()),
+            "mm_near_cm": float(difference(poses, others, window=window).mean()),
+        }
+
+
+def _local(tape: recording.Recording) -> NDArray[np.floating]:
+    """Joints [T, J-1, 3] of the first character in the space of its ground root."""
+    return quality.in_root_space(tape.skeleton, tape["positions"][:, 0], tape["rotations"][:, 0])
 
 
 class _Runs:
@@ -182,8 +254,12 @@ class _Runs:
     poses are judged once: exact indexes all find the same frames.
     """
 
-    def __init__(self, course: Course, feet: quality.Feet, seconds: float) -> None:
+    def __init__(
+        self, course: Course, feet: quality.Feet, seconds: float, yardstick: _Yardstick | None
+    ) -> None:
         self.course, self._feet, self._seconds = course, feet, min(seconds, natural_seconds(course))
+        self._yardstick = yardstick
+        self._matched: tuple[Clock, recording.Recording] | None = None
         self._ways: deque[Clock] = deque(maxlen=KEPT)
         self._judged: dict[bytes, tuple[dict[str, float], quality.Trace]] = {}
 
@@ -191,17 +267,30 @@ class _Runs:
         self, system: System
     ) -> tuple[Clock, NDArray[np.bool_] | None, dict[str, float], quality.Trace]:
         """Drive a system: what it was asked, which steps searched (if it tells), its metrics and trace."""
+        if self._yardstick and self._matched is None:
+            self._matched = self._drive(self._yardstick.matching(self.course))
         clock, tape = self._drive(system)
         key = hashlib.blake2b()
         for name in ("positions", "rotations", "transition"):
             key.update(tape[name].tobytes())
         if key.digest() not in self._judged:
-            self._judged[key.digest()] = quality.judge(
-                tape.arrays, system.skeleton, system.fps, self._feet, tape.path, course=self.course.name
-            )
+            self._judged[key.digest()] = self._judge(system, clock, tape)
         metrics, trace = self._judged[key.digest()]
         searched = np.any(tape["searched"], axis=1) if "searched" in tape.arrays else None
         return clock, searched, metrics, replace(trace, system=system.name)
+
+    def _judge(
+        self, system: System, clock: Clock, tape: recording.Recording
+    ) -> tuple[dict[str, float], quality.Trace]:
+        metrics, trace = quality.judge(
+            tape.arrays, system.skeleton, system.fps, self._feet, tape.path, course=self.course.name
+        )
+        if self._yardstick and self._matched:
+            asked, matched = self._matched
+            again = tape if clock is asked else self._record(system, Replay(asked))
+            metrics |= {"real_cm": self._yardstick.real_cm(tape)}
+            metrics |= self._yardstick.matched_cm(again, matched)
+        return metrics, trace
 
     def _drive(self, system: System) -> tuple[Clock, recording.Recording]:
         for before in reversed(self._ways):

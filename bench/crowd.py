@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,6 +20,9 @@ from motion.errors import UserError
 
 from . import timing
 
+if TYPE_CHECKING:
+    from lmm.model import Model
+
 NEVER = 1e6  # seconds between searches, metres a second per second: none but at a clip's end
 
 
@@ -27,11 +31,14 @@ def measure(
     *,
     counts: Sequence[int] = (1, 16, 256, 1024),
     index: str = "exact",
+    models: Mapping[str, Model] | None = None,
     seconds: float = 5.0,
     repeats: int = 3,
     progress: bool = False,
 ) -> list[dict[str, Any]]:
-    """A row a count: microseconds a character and frame, one pinned thread, warm.
+    """A row a system and count: microseconds a character and frame, one pinned thread, warm.
+
+    Systems are motion matching with an index, and models by name with all three stages learned.
 
     Characters are spread over a random user's script, so that no two do the same. us: mean with a search
     every 0.1 s and when the command changes abruptly; p99_us: 99th percentile of the frames; no_search_us:
@@ -40,30 +47,41 @@ def measure(
     """
     if not counts or min(counts) < 1:
         raise UserError(f"counts {list(counts)}", remedy="give numbers of at least 1, as 1,16,256")
-    settings = Settings()
-    shared = build_index(database, index, settings)
+    shared = build_index(database, index, Settings())
+    systems: dict[str, Callable[..., System]] = {f"mm-{index}": partial(Controller, database, index=shared)}
+    for name, model in (models or {}).items():
+        model.check(database)
+        systems[f"{name}-PSD"] = _learned(model)
     course = at_data_speeds(courses.load("random"), database)
     frames = max(2, round(seconds * database.fps))
+    jobs = [(name, count) for name in systems for count in counts]
     rows = []
-    for count in console.progress(counts, label="crowd", unit="counts") if progress else counts:
+    for name, count in console.progress(jobs, label="crowd", unit="crowds") if progress else jobs:
         with_search, without = (
-            cost(Controller(database, count=count, settings=chosen, index=shared), course, frames, repeats)
-            for chosen in (settings, Settings(search_interval=NEVER, forced_search_change=NEVER))
+            cost(systems[name](count=count, settings=settings), course, frames, repeats)
+            for settings in (Settings(), Settings(search_interval=NEVER, forced_search_change=NEVER))
         )
         each = 1e6 / count
         rows.append(
             {
+                "system": name,
                 "characters": count,
                 "us": float(each * with_search.whole.mean()),
                 "p99_us": float(each * np.percentile(with_search.whole, 99)),
                 "no_search_us": float(each * np.median(without.whole)),
             }
             | {
-                f"{name.replace(' ', '_')}_us": float(each * t.mean())
-                for name, t in with_search.stages.items()
+                f"{stage.replace(' ', '_')}_us": float(each * t.mean())
+                for stage, t in with_search.stages.items()
             }
         )
     return rows
+
+
+def _learned(model: Model) -> Callable[..., System]:
+    from lmm.controller import controller
+
+    return partial(controller, model)
 
 
 def cost(system: System, course: Course, frames: int, repeats: int) -> timing.Cost:

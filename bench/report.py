@@ -37,6 +37,14 @@ COLUMNS: tuple[tuple[str, str, int, str], ...] = (
     ("jerk_m_s3", "jerk m/s³", 0, "mean norm of the third difference of joint positions"),
     ("pop_cm", "max pop cm", 2, "largest jump of a joint at any transition beyond its velocity"),
     ("ordinary_pop_cm", "no pop cm", 2, "the same where there is no transition, 99th percentile"),
+    (
+        "real_cm",
+        "real pose cm",
+        2,
+        "joints from the nearest pose of the data, root-aligned",
+    ),
+    ("mm_near_cm", "near mm cm", 2, "to what mm-exact shows within half a second, asked the same"),
+    ("mm_cm", "from mm cm", 1, "to what it shows at the same frame: being out of step counts"),
     ("transitions_per_s", "trans/s", 2, "transitions a second"),
     ("speed_ratio", "speed ratio", 2, "metres walked over metres commanded"),
 )
@@ -55,6 +63,8 @@ BRIEF = (
     "heading_response_s",
     "jerk_m_s3",
     "pop_cm",
+    "real_cm",
+    "mm_near_cm",
     "transitions_per_s",
     "speed_ratio",
 )
@@ -83,6 +93,7 @@ def to_json(comparison: Comparison, *, command: str) -> dict[str, Any]:
     return {
         "command": command,
         "database": comparison.database,
+        "models": comparison.models,
         "machine": comparison.machine,
         "notes": comparison.notes,
         "summary": plain(comparison.summary),
@@ -99,9 +110,9 @@ def brief(table: pd.DataFrame) -> list[dict[str, Any]]:
         cells: dict[str, Any] = {"system": row["system"]}
         if "course" in row:
             cells["course"] = row["course"]
-        for name in BRIEF:
+        for name in (name for name in BRIEF if name in table):
             title, digits = titles[name]
-            value = row.get(name)
+            value = row[name]
             cells[title] = None if value is None or not math.isfinite(value) else round(float(value), digits)
         rows.append(cells)
     return rows
@@ -142,6 +153,7 @@ def facts(comparison: Comparison) -> list[str]:
         ("frame_mean_us", "The cheapest frame, on average,", "µs"),
         ("skate_cm_s", "The least foot skate", "cm/s"),
         ("path_cm", "The closest to the path", "cm"),
+        ("real_cm", "The closest to real poses", "cm"),
     ):
         values = rows[["system", column]].dropna() if column in rows else rows[:0]
         if len(values):

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import fnmatch
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Protocol
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
 
 from numpy.typing import ArrayLike
 
 from mm.control import System
 from mm.database import Database
 from motion.errors import UserError
+
+if TYPE_CHECKING:
+    from lmm.model import Model
 
 
 class Factory(Protocol):
@@ -33,6 +37,8 @@ class Entry:
     def family(self) -> str:
         return self.name.split("-", 1)[0]
 
+
+STAGES = {"P": "projection", "S": "stepping", "D": "decompression"}
 
 _REGISTERED: dict[str, Entry] = {}
 
@@ -86,17 +92,89 @@ def _controller(
     )
 
 
-def entries(indexes: Iterable[str] | None = None) -> list[Entry]:
+def load_models(paths: Sequence[str]) -> dict[str, Model]:
+    """Models by the name that their systems begin with: lmm, or lmm-FILE of several."""
+    from lmm.model import Model
+
+    if len(paths) == 1:
+        return {"lmm": Model.load(paths[0])}
+    models: dict[str, Model] = {}
+    for path in paths:
+        name = f"lmm-{Path(path).stem}"
+        if name in models:
+            raise UserError(f"two models are called {Path(path).stem!r}", path=path, remedy="rename one file")
+        models[name] = Model.load(path)
+    return models
+
+
+def learned(models: Mapping[str, Model]) -> list[Entry]:
+    """All ways in which networks take the place of stages: NAME-PSD is learned motion matching itself.
+
+    P is projection, S stepping, D decompression: NAME-D is the decompressor alone, on an exact search. None
+    of them learned is mm-exact.
+    """
+    from lmm.stages import COMBINATIONS
+
+    out = []
+    for name, model in models.items():
+        shared: dict[str, Any] = {}
+        for letters in filter(None, reversed(COMBINATIONS)):
+            make = partial(_learned, name, model, letters, shared)
+            networks = " and ".join(word for letter, word in STAGES.items() if letter in letters)
+            out.append(Entry(f"{name}-{letters}", make, f"{networks} by networks"))
+    return out
+
+
+def _learned(
+    name: str,
+    model: Model,
+    letters: str,
+    shared: dict[str, Any],
+    database: Database,
+    count: int,
+    *,
+    obstacles: ArrayLike = (),
+) -> System:
+    from lmm.controller import controller
+    from mm.controller import build_index
+    from mm.settings import Settings
+
+    model.check(database)
+    settings = Settings()
+    needed: dict[str, Any] = {}
+    if letters != "PSD":  # one index and the latents serve all that need them
+        if shared.get("of") is not database:
+            shared |= {"of": database, "latents": model.latents(database)}
+            shared["index"] = build_index(database, "exact", settings)
+        needed = {"database": database, "latents": shared["latents"], "index": shared["index"]}
+    return controller(
+        model,
+        learned=letters,
+        settings=settings,
+        count=count,
+        obstacles=obstacles,
+        name=f"{name}-{letters}",
+        **needed,
+    )
+
+
+def entries(indexes: Iterable[str] | None = None, models: Mapping[str, Model] | None = None) -> list[Entry]:
     """All systems there are; indexes limits those of motion matching."""
-    return [*motion_matching(indexes), *_REGISTERED.values()]
+    return [*motion_matching(indexes), *learned(models or {}), *_REGISTERED.values()]
 
 
-def choose(patterns: Sequence[str] | None = None, *, indexes: Iterable[str] | None = None) -> list[Entry]:
+def choose(
+    patterns: Sequence[str] | None = None,
+    *,
+    indexes: Iterable[str] | None = None,
+    models: Mapping[str, Model] | None = None,
+) -> list[Entry]:
     """Systems by name, by family ("mm") or by pattern ("mm-*-free"), in the registry's order; all when None.
 
-    A pattern that fits nothing is a UserError that lists the choices.
+    models are those that systems are made of, by name (see `learned`). A pattern that fits nothing is a
+    UserError that lists the choices.
     """
-    known = entries(indexes)
+    known = entries(indexes, models)
     if patterns is None:
         return known
     chosen = []

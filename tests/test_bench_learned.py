@@ -1,0 +1,192 @@
+"""Learned systems in the harness: mixtures beside motion matching, what they hold, how near they come."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import linear_models
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from bench import crowd, report, systems
+from bench.cli import main
+from bench.compare import compare
+from mm.build import build
+from motion.errors import UserError
+
+MIXTURES = ("PSD", "SD", "PD", "PS", "D", "S", "P")
+
+
+@pytest.fixture(scope="module")
+def database(walker_files, tmp_path_factory):
+    database = build([walker_files], jobs=1)
+    database.save(tmp_path_factory.mktemp("learned") / "walker.mmdb")
+    return database
+
+
+@pytest.fixture(scope="module")
+def model(database):
+    return linear_models.fitted(database)
+
+
+@pytest.fixture(scope="module")
+def compared(database, model):
+    return compare(
+        database,
+        courses=["circle"],
+        systems=["mm-exact*", "lmm"],
+        models={"lmm": model},
+        seconds=2,
+        timed_seconds=0.1,
+    )
+
+
+@pytest.fixture(scope="module")
+def rows(compared):
+    return compared.summary.set_index("system")
+
+
+def test_all_mixtures_are_rows_of_one_family(compared, rows, model):
+    names = ["mm-exact", "mm-exact-free", *(f"lmm-{letters}" for letters in MIXTURES)]
+    assert rows.index.tolist()[1:] == names
+    assert not compared.notes[1:]
+    assert {entry.family for entry in systems.learned({"lmm": model})} == {"lmm"}
+    about = {entry.name: entry.about for entry in systems.learned({"lmm": model})}
+    assert about["lmm-SD"] == "stepping and decompression by networks"
+
+
+def test_a_mixture_holds_only_what_it_needs(rows, database, model):
+    """Who gathers poses needs them, who converts needs features and latents; networks alone need nothing."""
+
+    def held(letters, part):
+        return rows[f"memory_{part}_mb"].get(f"lmm-{letters}")
+
+    for letters in MIXTURES:
+        assert np.isnan(held(letters, "poses")) == ("D" in letters)
+        assert np.isnan(held(letters, "index")) == ("P" in letters)
+        for letter, network in zip("PSD", ("projector", "stepper", "decompressor"), strict=True):
+            assert (held(letters, network) > 0) == (letter in letters)
+    alone = rows.loc["lmm-PSD"]
+    for part in ("features", "latents", "lookup", "ranges", "tags", "root_motion"):
+        assert np.isnan(alone[f"memory_{part}_mb"])
+    assert alone["memory_mb"] < model.decompressor.nbytes / 1e6 * 4
+    frames = len(database)
+    assert held("D", "latents") == pytest.approx(2 * model.L * frames / 1e6)
+    assert held("D", "features") == pytest.approx(4 * model.F * frames / 1e6)
+
+
+def test_poses_are_held_against_motion_matching_and_the_data(rows, compared):
+    exact = rows.loc["mm-exact"]
+    assert exact["mm_cm"] == exact["mm_near_cm"] == 0
+    # Unlocked feet are all that differs.
+    assert 0 < rows.loc["mm-exact-free", "mm_cm"] < 3
+    assert rows.loc["mm-exact-free", "real_cm"] < exact["real_cm"] < 3
+    # The same search finds the same frames: what differs is the decompressor, which is near to perfect here.
+    assert 0 < rows.loc["lmm-D", "mm_cm"] < 0.5
+    for letters in MIXTURES:
+        row = rows.loc[f"lmm-{letters}"]
+        assert row["mm_near_cm"] <= row["mm_cm"] and row["real_cm"] > 0
+        assert row["projection_us"] > 0 and row["frame_us"] > 0
+    assert rows.loc["lmm-PSD", "mm_cm"] > rows.loc["lmm-D", "mm_cm"]
+    lines = report.brief(compared.summary)
+    assert lines[1]["near mm cm"] == 0 and "real pose cm" in lines[0]
+    assert any("closest to real poses" in fact for fact in report.facts(compared))
+
+
+def test_without_models_nothing_is_held_against_anything(database):
+    plain = compare(database, courses=["still"], systems=["mm-brute"], seconds=0.2, timed_seconds=0.1)
+    assert "real_cm" not in plain.summary and "real pose cm" not in report.brief(plain.summary)[0]
+    assert plain.models == {}
+
+
+def test_a_model_without_its_compressor_still_runs_alone(database, model):
+    bare = replace(model, compressor=None)
+    found = compare(
+        database,
+        courses=["still"],
+        systems=["lmm-PSD", "lmm-D"],
+        models={"lmm": bare},
+        seconds=0.2,
+        timed_seconds=0.1,
+    )
+    assert found.summary["system"].tolist()[1:] == ["lmm-PSD"]
+    assert any(note.startswith("lmm-D is left out: ") and "compressor" in note for note in found.notes)
+
+
+def test_crowds_of_networks_stand_beside_motion_matching(database, model):
+    found = crowd.measure(
+        database, counts=(1, 4), index="brute", models={"lmm": model}, seconds=0.1, repeats=1
+    )
+    assert [(row["system"], row["characters"]) for row in found] == [
+        (system, count) for system in ("mm-brute", "lmm-PSD") for count in (1, 4)
+    ]
+    for row in found:
+        assert row["us"] <= row["p99_us"] and row["decompression_us"] > 0
+
+
+@pytest.fixture(scope="module")
+def files(database, model, walker_files, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("files")
+    database.save(folder / "walker.mmdb")
+    model.save(folder / "walker.lmm")
+    model.as_type("int8").save(folder / "small.lmm")
+    build([walker_files], jobs=1, fps=30).save(folder / "slow.mmdb")
+    (folder / "again").mkdir()
+    model.save(folder / "again" / "small.lmm")
+    return folder
+
+
+def bench(*arguments, code=0):
+    result = CliRunner().invoke(main, [str(a) for a in arguments])
+    assert result.exit_code == code, result.output + result.stderr
+    return result
+
+
+def test_several_models_are_told_apart(files, model, tmp_path):
+    done = bench(
+        *("compare", files / "walker.mmdb", "--model", files / "walker.lmm", "--model", files / "small.lmm"),
+        *("--systems", "lmm-*-PSD", "--courses", "still", "--seconds", "0.2", "--json", "-o", tmp_path),
+    )
+    found = json.loads(done.stdout)
+    assert [row["system"] for row in found["summary"][1:]] == ["lmm-walker-PSD", "lmm-small-PSD"]
+    assert found["models"]["lmm-small"]["weights"]["projector"] == "int8"
+    assert found["summary"][2]["memory_mb"] < found["summary"][1]["memory_mb"]
+    assert found["models"]["lmm-walker"]["parameters"] == model.parameters
+    assert f"{model.parameters:,} parameters" in (tmp_path / "report.html").read_text()
+
+
+def test_crowds_from_the_command_line(files):
+    arguments = ("--counts", "2", "--index", "brute", "--seconds", "0.1", "--model", files / "walker.lmm")
+    found = json.loads(bench("crowd", files / "walker.mmdb", *arguments, "--json").stdout)
+    assert [row["system"] for row in found] == ["mm-brute", "lmm-PSD"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("compare", "slow.mmdb", "--model", "walker.lmm"), "give the database that it was trained from"),
+        (("crowd", "slow.mmdb", "--model", "walker.lmm"), "give the database that it was trained from"),
+        (("compare", "walker.mmdb", "--model", "walker.mmdb"), "expected a learned motion matching model"),
+        (("compare", "walker.mmdb", "--systems", "lmm-PSD"), "no system 'lmm-PSD'; choose from mm-brute"),
+        (
+            ("compare", "walker.mmdb", "--model", "small.lmm", "--systems", "lmm-X"),
+            "no system 'lmm-X'; choose from mm-brute",
+        ),
+        (
+            ("compare", "walker.mmdb", "--model", "small.lmm", "--model", "again/small.lmm"),
+            "two models are called 'small'; rename one file",
+        ),
+    ],
+)
+def test_faults_are_one_line(files, monkeypatch, arguments, message):
+    monkeypatch.chdir(files)
+    result = bench(*arguments, "--seconds", "0.1", code=2)
+    assert result.stderr.startswith("error: ") and result.stderr.count("\n") == 1 and message in result.stderr
+
+
+def test_a_model_of_other_data_is_no_system_of_it(database, model):
+    other = replace(model, frames=7)
+    with pytest.raises(UserError, match="the database that it was trained from"):
+        systems.learned({"lmm": other})[0].make(database, 1)
