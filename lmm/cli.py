@@ -100,15 +100,9 @@ def train(
 def _train(db: str, output: str, settings: Settings, **options: Any) -> Model:
     from mm.database import Database
 
-    from .training import split
     from .training.train import train
 
-    database = Database.load(db)
-    try:
-        split.held_out(database, settings)
-    except UserError as error:
-        raise UserError(error.what, path=db, remedy=error.remedy) from error
-    return train(database, output, settings, **options)
+    return train(Database.load(db), output, settings, **options)
 
 
 def _minutes(output: str) -> float:

@@ -9,6 +9,8 @@ from motion import console
 
 from .model import Model
 
+PARTS = {"training": "training", "held_out": "held out"}
+
 
 def describe(model: Model, path: str) -> dict[str, Any]:
     """What a model is, as plain data."""
@@ -46,7 +48,7 @@ def describe(model: Model, path: str) -> dict[str, Any]:
 
 def show(facts: dict[str, Any]) -> None:
     """Print it for people."""
-    training = facts["training"]
+    training = facts["training"].get("settings", {})
     how = ", ".join(f"{name} {training[name]}" for name in ("recipe", "preset", "seed") if name in training)
     sizes = ", ".join(f"{name} {size / 1e6:.2f}" for name, size in facts["bytes"].items())
     held_out = facts["held_out"]
@@ -72,16 +74,21 @@ def show(facts: dict[str, Any]) -> None:
 
 
 def show_errors(errors: dict[str, Any]) -> None:
-    """Print a model's errors as a table."""
-    rows = [{"error": name, "value": value} for name, value in _flat(errors)]
+    """Print a model's errors as a table, a column a part of the data."""
+    rows: dict[str, dict[str, Any]] = {}
+    for keys, value in _flat(errors):
+        part = next((key for key in keys if key in PARTS), "all")
+        name = " ".join(key for key in keys if key != part).replace("_", " ")
+        rows.setdefault(name, {})[PARTS.get(part, part)] = value
+    columns = dict.fromkeys(column for row in rows.values() for column in row)
     if rows:
-        console.print_table(rows)
+        console.print_table([{"error": name, **dict.fromkeys(columns), **row} for name, row in rows.items()])
 
 
-def _flat(values: dict[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
-    """Nested names and their values, the names joined by spaces."""
-    found: list[tuple[str, Any]] = []
-    for name, value in values.items():
-        text = f"{prefix}{name.replace('_', ' ')}"
-        found += _flat(value, f"{text} ") if isinstance(value, dict) else [(text, value)]
+def _flat(values: dict[str, Any], keys: tuple[str, ...] = ()) -> list[tuple[tuple[str, ...], Any]]:
+    """Nested values, each with the keys that lead to it."""
+    found: list[tuple[tuple[str, ...], Any]] = []
+    for key, value in values.items():
+        nested = isinstance(value, dict)
+        found += _flat(value, (*keys, key)) if nested else [((*keys, key), value)]
     return found

@@ -177,6 +177,11 @@ def killed_again_and_again(folder: str, seed: int) -> None:
     draw = random.Random(seed)
     plan = dataclasses.replace(PLAN, iterations=120)
     settings = dataclasses.replace(SETTINGS, checkpoint_seconds=0.01)
+    # What torch imports late, children have from here: else they would be killed while they import.
+    number = torch.nn.Parameter(torch.zeros(1))
+    number.grad = torch.zeros(1)
+    for stage in _stages(plan):
+        loop.optimiser(stage.settings, [number]).step()
 
     def train(output: Path) -> int:
         child = os.fork()
@@ -416,7 +421,7 @@ def test_averages_are_what_is_evaluated_and_kept(tmp_path: Path) -> None:
 def test_rates() -> None:
     step = StageSettings(learning_rate=2.0)
     assert [loop.rate(step, i) for i in (0, 999, 1000, 2500)] == [2.0, 2.0, 2 * 0.99, 2 * 0.99**2]
-    cosine = StageSettings(learning_rate=1.0, schedule="cosine", iterations=110, warm_up=10)
+    cosine = StageSettings(learning_rate=1.0, schedule="cosine", iterations=110, warm_up=1 / 11)
     found = [loop.rate(cosine, i) for i in range(110)]
     assert found[:10] == pytest.approx(np.linspace(0.1, 1, 10))
     assert found[60] == pytest.approx(0.5) and 0 < found[-1] < 1e-3

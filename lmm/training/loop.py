@@ -381,11 +381,11 @@ def optimiser(settings: StageSettings, parameters: Sequence[nn.Parameter]) -> to
 
 def rate(settings: StageSettings, iteration: int) -> float:
     """The learning rate of an iteration, counted from 0 (see `StageSettings`)."""
-    warm = min(1.0, (iteration + 1) / settings.warm_up) if settings.warm_up else 1.0
+    rising = settings.warm_up * settings.iterations
+    warm = min(1.0, (iteration + 1) / max(rising, 1))
     if settings.schedule == "step":
         return settings.learning_rate * warm * 0.99 ** (iteration // 1000)
-    rest = max(settings.iterations - settings.warm_up, 1)
-    share = max(iteration - settings.warm_up, 0) / rest
+    share = max(iteration - rising, 0) / max(settings.iterations - rising, 1)
     return settings.learning_rate * warm * 0.5 * (1 + math.cos(math.pi * share))
 
 

@@ -31,7 +31,7 @@ class StageSettings:
     window : frames of a window.
     learning_rate : at its highest.
     schedule : "step" takes 1 % off the rate every 1,000 iterations, "cosine" lets it fall to 0 at the end.
-    warm_up : iterations in which the rate rises from 0.
+    warm_up : share of the iterations in which the rate rises from 0.
     optimiser : "adamw" keeps the largest second moment (amsgrad) and decays weights by 1e-3.
     hidden : widths of the hidden layers.
     average : decay of the exponential average of the weights, which takes their place; 0 for none.
@@ -44,7 +44,7 @@ class StageSettings:
     window: int = 1
     learning_rate: float = 1e-3
     schedule: Schedule = "step"
-    warm_up: int = 0
+    warm_up: float = 0.0
     optimiser: Optimiser = "adamw"
     hidden: tuple[int, ...] = (512,)
     average: float = 0.0
@@ -58,7 +58,7 @@ class StageSettings:
             ("batch", 1, 1_000_000),
             ("window", 1, 10_000),
             ("learning_rate", 1e-12, 10),
-            ("warm_up", 0, self.iterations),
+            ("warm_up", 0, 1),
             ("average", 0, 0.999999),
             ("clip", 0, 1e9),
             ("evaluate", 1, 100_000_000),
@@ -165,7 +165,7 @@ def _ours(name: str) -> Settings:
             iterations=count,
             evaluate=max(count // 50, 15),
             schedule="cosine",
-            warm_up=min(500, count // 10),
+            warm_up=0.02,
             average=0.999,
             clip=1.0,
         )
