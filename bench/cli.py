@@ -222,6 +222,45 @@ def retarget(
         console.print_table(rows, title=f"{db}: microseconds a character and frame, one thread")
 
 
+@main.command(epilog="Example: python -m bench networks walk.lmm --database walk.mmdb --counts 1,1024")
+@click.argument("model", type=click.Path())
+@click.option(
+    "--database",
+    type=click.Path(),
+    metavar="DB",
+    help="What the model was trained from: inputs are its frames.",
+)
+@click.option("--counts", type=Listed(int), default="1,16,256,1024", show_default=True, help="Characters.")
+@click.option("--weights", type=Listed(), metavar="A,B", help="Types of weights.  [default: all]")
+@click.option("--repeats", type=click.IntRange(1), default=5, show_default=True, help="At least so many.")
+@console.json_option
+def networks(
+    model: str,
+    database: str | None,
+    counts: tuple[int, ...],
+    weights: tuple[str, ...] | None,
+    repeats: int,
+    as_json: bool,
+) -> None:
+    """Microseconds a character of a model's networks, their bytes, and what compact weights lose.
+
+    MODEL is what `lmm train` wrote, or a folder of networks in the public reference's format. Beside our
+    kernels stand NumPy and a loop compiled as the public C++ is written, both with float32 weights: of_numpy
+    and of_loop are ours as a share of theirs. "frame" is all networks, the projector in one frame of six.
+    """
+    from . import networks as measured
+
+    subject = measured.load(model, None if database is None else _load(database))
+    chosen = {} if weights is None else {"weights": weights}
+    rows = measured.measure(subject, counts=counts, repeats=repeats, progress=True, **chosen)
+    if as_json:
+        console.print_json(rows)
+    else:
+        console.print_table(
+            measured.brief(rows, counts), title=f"{model}: microseconds a character, one thread"
+        )
+
+
 @main.command(epilog="Example: python -m bench reading clips/")
 @click.argument("files", nargs=-1, required=True, type=click.Path())
 @click.option(
