@@ -52,7 +52,7 @@ def test_rows_say_what_each_network_costs_and_loses(folder):
     ]
     for name in ("decompressor", "stepper", "projector"):
         same, half, bytes_ = (by[name, "ours", kind] for kind in ("float32", "float16", "int8"))
-        assert same["error_mean"] < 1e-5 and by[name, "loop", "float32"]["error_mean"] < 1e-5
+        assert same["error_mean"] < 1e-4 and by[name, "loop", "float32"]["error_mean"] < 1e-4
         assert same["error_mean"] < half["error_mean"] < bytes_["error_mean"] < 0.1
         assert same["mb"] > half["mb"] > bytes_["mb"]
         assert by[name, "numpy", "float32"]["error_max"] == 0
