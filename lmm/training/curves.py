@@ -120,6 +120,6 @@ def _legend(names: Sequence[str]) -> list[Any]:
 
 
 def _sparse(value: float, place: int) -> str:
-    """Labels of a logarithmic axis between its powers of ten: 2 and 5 only."""
+    """Labels of a logarithmic axis between its powers of ten: 2, 3 and 5 only."""
     first = f"{value:e}"[0] if value > 0 and math.isfinite(value) else ""
-    return f"{value:g}" if first in ("2", "5") else ""
+    return f"{value:g}" if first in ("2", "3", "5") else ""

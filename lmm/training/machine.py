@@ -24,18 +24,19 @@ def machine(settings: Settings) -> Iterator[None]:
         raise UserError("torch finds no CUDA device", remedy="train on the processor: --device cpu")
     threads, precision = torch.get_num_threads(), torch.get_float32_matmul_precision()
     deterministic = torch.are_deterministic_algorithms_enabled()
+    warned = torch.is_deterministic_algorithms_warn_only_enabled()
     try:
         if settings.threads:
             torch.set_num_threads(settings.threads)
         torch.set_float32_matmul_precision("medium" if settings.precision == "bfloat16" else "highest")
         if settings.device == "cuda":
             os.environ.setdefault("CUBLAS_WORKSPACE_CONFIG", ":4096:8")
-            torch.use_deterministic_algorithms(True)
+            torch.use_deterministic_algorithms(True, warn_only=True)
         yield
     finally:
         torch.set_num_threads(threads)
         torch.set_float32_matmul_precision(precision)
-        torch.use_deterministic_algorithms(deterministic)
+        torch.use_deterministic_algorithms(deterministic, warn_only=warned)
 
 
 def facts(settings: Settings) -> dict[str, Any]:
