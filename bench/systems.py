@@ -180,6 +180,8 @@ def choose(
     chosen = []
     for pattern in patterns:
         fitting = [e for e in known if e.family == pattern or fnmatch.fnmatchcase(e.name, pattern)]
+        if not fitting and pattern.startswith("lmm") and not models:
+            raise UserError(f"no system {pattern!r} without a model", remedy="give one that lmm train wrote")
         if not fitting:
             names = ", ".join(e.name for e in known)
             raise UserError(f"no system {pattern!r}", remedy=f"choose from {names}")

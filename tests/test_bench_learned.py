@@ -169,7 +169,7 @@ def test_crowds_from_the_command_line(files):
         (("compare", "slow.mmdb", "--model", "walker.lmm"), "give the database that it was trained from"),
         (("crowd", "slow.mmdb", "--model", "walker.lmm"), "give the database that it was trained from"),
         (("compare", "walker.mmdb", "--model", "walker.mmdb"), "expected a learned motion matching model"),
-        (("compare", "walker.mmdb", "--systems", "lmm-PSD"), "no system 'lmm-PSD'; choose from mm-brute"),
+        (("compare", "walker.mmdb", "--systems", "lmm-PSD"), "no system 'lmm-PSD' without a model; give one"),
         (
             ("compare", "walker.mmdb", "--model", "small.lmm", "--systems", "lmm-X"),
             "no system 'lmm-X'; choose from mm-brute",
