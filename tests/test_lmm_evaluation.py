@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from lmm.cli import main
-from lmm.evaluation import decompressor, driving, evaluate, pictures, projector, stepper
+from lmm.evaluation import decompressor, driving, evaluate, pictures, projector, report, stepper
 from lmm.model import Model
 from mm import quality
 from mm import queries as recorded
@@ -282,6 +282,20 @@ def test_summaries_are_means_of_what_has_a_number():
     ]
     (row,) = driving.summary(rows)
     assert row == {"system": "mm", "courses": 3, "path_cm": 2.5, "pop_cm": 5.0, "seconds": 2.0}
+
+
+def test_a_system_that_breaks_is_said_to_have_broken(database, exact):
+    state = exact.F + exact.L
+    growing = lmm_models.layer(np.eye(state) * 600, np.ones(state))  # tenfold a frame
+    found = evaluate.evaluate(replace(exact, stepper=growing), database, BRIEF)
+    rows = {row["system"]: row for row in found["systems"]}
+    assert rows["lmm-PSD"]["broke"] == 2 and "skate_cm_s" not in rows["lmm-PSD"]
+    assert "broke" not in rows["mm"] and rows["mm"]["skate_cm_s"] >= 0
+    assert [row["met"] for row in found["targets"] if "motion matching" in row["what"]] == [None, None]
+    assert not found["endurance"]["passed"]
+    pictures.all_of(found)
+    assert "not passed" in report.lasting(found["endurance"])
+    assert report.systems(found["systems"])[1]["broke"] == 2
 
 
 def test_extremes_by_hand(database, exact):

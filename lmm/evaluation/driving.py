@@ -47,18 +47,25 @@ class Judge:
 
     def judge(self, system: Controller, course: Course) -> dict[str, Any]:
         """A row: the metrics of `mm.quality.judge`, real_cm, the mean distance to the nearest real pose
-        (`mm.nearness`), and frame_us, the median time of a step."""
+        (`mm.nearness`), and frame_us, the median time of a step.
+
+        A system whose poses are no numbers any more has no metrics, and the row says that it broke.
+        """
         clock = Clock(course, system.count, system.fps)
         seconds = min(self._seconds, natural_seconds(course))
-        tape = recording.record(system, course, seconds=seconds, driver=clock, progress=_silent)
+        named: dict[str, Any] = {"system": system.name, "course": course.name}
+        try:
+            tape = recording.record(system, course, seconds=seconds, driver=clock, progress=_silent)
+        except UserError:  # where the character is, and with it the next command, is no number
+            return named | {"broke": True}
+        if not all(np.isfinite(tape[name]).all() for name in ("positions", "rotations")):
+            return named | {"broke": True}
         row, _ = quality.judge(
             tape.arrays, system.skeleton, system.fps, self._feet, tape.path, course=course.name
         )
         some = np.linspace(0, len(tape) - 1, min(SAMPLED, len(tape))).astype(np.int64)
         local = quality.in_root_space(system.skeleton, tape["positions"][some, 0], tape["rotations"][some, 0])
-        return {
-            "system": system.name,
-            "course": course.name,
+        return named | {
             "seconds": len(tape) / system.fps,
             **row,
             "real_cm": float(self._real.distances(local).mean()),
@@ -98,15 +105,21 @@ def systems(
 
 
 def summary(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """A row a system: means over its courses of what has a number there, the largest pop of all."""
+    """A row a system: means over its courses of what has a number there, the largest pop of all, and on how
+    many it broke, if on any."""
     systems = list(dict.fromkeys(row["system"] for row in rows))
     out = []
     for system in systems:
         mine = [row for row in rows if row["system"] == system]
-        numbers = [key for key, value in mine[0].items() if isinstance(value, float)]
+        numbers = dict.fromkeys(
+            key for each in mine for key, value in each.items() if isinstance(value, float)
+        )
         row: dict[str, Any] = {"system": system, "courses": len(mine)}
-        row |= {key: metrics.nanmean([each[key] for each in mine]) for key in numbers}
-        row["pop_cm"] = float(np.nanmax([each["pop_cm"] for each in mine], initial=0))
+        row |= {key: metrics.nanmean([each.get(key, np.nan) for each in mine]) for key in numbers}
+        pops = [each["pop_cm"] for each in mine if np.isfinite(each.get("pop_cm", np.nan))]
+        row["pop_cm"] = max(pops, default=float("nan"))
+        if broke := sum("broke" in each for each in mine):
+            row["broke"] = broke
         out.append(row)
     return out
 

@@ -81,6 +81,13 @@ def evaluate(
     targets : what is good enough, what was found, and whether it is met.
     """
     model.check(database)
+    with np.errstate(over="ignore", invalid="ignore"):  # networks that run away are told of, not warned of
+        return plain(_measured(model, database, plan, seed, progress))
+
+
+def _measured(
+    model: Model, database: Database, plan: Plan, seed: int, progress: Callable[..., Iterator[Any]]
+) -> dict[str, Any]:
     latents = model.latents(database)
     trained = model.training_ranges(database)
     parts: dict[str, NDArray[np.bool_] | None] = {"training": trained}
@@ -113,7 +120,7 @@ def evaluate(
         progress=progress,
     )
     found["targets"] = targets(found)
-    return plain(found)
+    return found
 
 
 def _driven(
@@ -164,7 +171,8 @@ def targets(found: dict[str, Any]) -> list[dict[str, Any]]:
     )
     if mm and lmm:
         for column, what in (("skate_cm_s", "foot skate"), ("path_cm", "distance from the path")):
-            share = lmm[column] / mm[column] if mm[column] else None
+            mine, its = lmm.get(column), mm.get(column)
+            share = mine / its if mine is not None and its else None
             add(f"{what} / motion matching's", SHARE_OF_MM, share)
     rows.append(
         {

@@ -101,7 +101,7 @@ def courses(found: dict[str, Any]) -> Any:
     at, height = np.arange(len(names))[::-1], 0.4
     for p, (axes, (column, label)) in enumerate(zip(panels, DRIVEN.items(), strict=True)):
         for i, system in enumerate(systems):
-            value = {row["course"]: row[column] for row in rows if row["system"] == system}
+            value = {row["course"]: row.get(column) for row in rows if row["system"] == system}
             axes.barh(
                 at + height * (0.5 - i), _numbers([value[n] for n in names]), height=height, label=system
             )

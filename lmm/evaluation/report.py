@@ -26,8 +26,9 @@ COLUMNS = (
     ("speed_ratio", "speed ratio", 2),
     ("frame_us", "frame µs", 0),
     ("memory_mb", "memory MB", 2),
+    ("broke", "broke", 0),
 )
-BRIEF = ("skate_cm_s", "path_cm", "heading_deg", "jerk_m_s3", "real_cm", "speed_ratio", "frame_us")
+BRIEF = ("broke", "skate_cm_s", "path_cm", "heading_deg", "jerk_m_s3", "real_cm", "speed_ratio", "frame_us")
 
 
 def save(found: dict[str, Any], folder: Path, *, command: str) -> list[Path]:
@@ -86,21 +87,22 @@ def poses(found: dict[str, Any]) -> list[dict[str, Any]]:
     ]
 
 
+DRIFT = {
+    "joints_cm": "joints cm",
+    "joints_p95_cm": "95 %",
+    "decoded_cm": "decoded cm",
+    "still_cm": "still cm",
+    "path_cm": "root cm",
+    "path_p95_cm": "root 95 %",
+    "heading_deg": "heading °",
+}
+
+
 def drifts(found: dict[str, Any]) -> list[dict[str, Any]]:
     """A row a part of the data and number of frames."""
     return [
-        {
-            "clips": PARTS[part].removesuffix(" clips"),
-            "frames": row["steps"],
-            "runs": row["runs"],
-            "joints cm": round(row["joints_cm"], 2),
-            "95 %": round(row["joints_p95_cm"], 2),
-            "decoded cm": round(row["decoded_cm"], 2),
-            "still cm": round(row["still_cm"], 2),
-            "root cm": round(row["path_cm"], 2),
-            "root 95 %": round(row["path_p95_cm"], 2),
-            "heading °": round(row["heading_deg"], 2),
-        }
+        {"clips": PARTS[part].removesuffix(" clips"), "frames": row["steps"], "runs": row["runs"]}
+        | {title: None if row[key] is None else round(row[key], 2) for key, title in DRIFT.items()}
         for part, run in found["stepper"].items()
         for row in run["drift"]
     ]
@@ -144,7 +146,8 @@ def lasting(run: dict[str, Any]) -> str:
     """The long run in a sentence."""
     who = f"{run['characters']} characters under random commands"
     if not run["finite"]:
-        return f"{who}: no numbers after {run['broken_s']:.1f} s"
+        left = f"states left the data's range after {run['outside_s']:.1f} s, " if run["outside_s"] else ""
+        return f"{who}: {left}poses are no numbers after {run['broken_s']:.1f} s: not passed"
     beyond, column = 100 * run["state_excess"], run["state_excess_column"]
     return (
         f"{who} for {run['minutes']:.3g} minutes: states at most {beyond:.0f} % of a column's range beyond "

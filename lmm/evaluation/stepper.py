@@ -48,7 +48,8 @@ def choose_starts(
 
 @dataclass(eq=False)
 class Drift:
-    """Errors after 1 to S steps of N free runs: [S, N] each, NaN beyond a run's clip.
+    """Errors after 1 to S steps of N free runs: [S, N] each, NaN beyond a run's clip, infinite where a state
+    is no number any more.
 
     joints : mean distance of the joints from those of the true pose, roots aligned, cm.
     decoded : the same for the pose that the decompressor makes of the true state, which no stepper can
@@ -68,7 +69,7 @@ class Drift:
         """A row for each number of steps that any run made: runs, then means and 95th percentiles."""
         rows = []
         for step in steps:
-            runs = step <= len(self.joints) and np.isfinite(self.joints[step - 1])
+            runs = step <= len(self.joints) and ~np.isnan(self.joints[step - 1])
             if not np.any(runs):
                 continue
             row: dict[str, Any] = {"steps": step, "runs": int(np.sum(runs))}
@@ -87,7 +88,7 @@ class Drift:
         """Means [S] after each step, of the runs that get there, by name and unit; NaN where none does."""
         units = {"joints": "cm", "decoded": "cm", "still": "cm", "path": "cm", "heading": "deg"}
         return {
-            f"{name}_{unit}": [metrics.nanmean(values) for values in getattr(self, name)]
+            f"{name}_{unit}": [metrics.mean(values[~np.isnan(values)]) for values in getattr(self, name)]
             for name, unit in units.items()
         }
 
@@ -133,7 +134,7 @@ def drift(
             100 * np.linalg.norm(way[:, :2] - went[:, :2], axis=-1),
             np.degrees(np.abs(metrics.wrap(way[:, 2] - went[:, 2]))),
         )
-        errors[:, s] = np.where(inside, row, np.nan)
+        errors[:, s] = np.where(inside, np.nan_to_num(row, nan=np.inf, posinf=np.inf), np.nan)
     return Drift(*errors)
 
 
