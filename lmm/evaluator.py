@@ -65,7 +65,7 @@ def pack(network: Network) -> Packed:
     """Lay a network out for the kernels."""
     columns = varying(network)
     std, mean = network.output_std.astype(np.float64), network.output_mean.astype(np.float64)
-    weights, layers, at = [], [], 0
+    weights, layers, at = [np.zeros(0, network.weights[0].dtype)], [], 0
     numbers = [network.input_mean, network.input_std]
     last = len(network.weights) - 1
     for layer, weight in enumerate(network.weights):
@@ -104,7 +104,6 @@ class Evaluator:
     """
 
     def __init__(self, network: Network, *, count: int = 1, compiled: bool = True) -> None:
-        self.network = network
         self.packed = pack(network)
         self.inputs = network.sizes[0]
         self._evaluate = (kernels if compiled else kernels_numpy).evaluate

@@ -20,7 +20,9 @@ def evaluate(x, layers, weights, numbers, columns, elu, rows_between, panel, act
         groups = [
             stored[start : min(start + depth * GROUP * PANEL, first + depth * width)] for start in starts
         ]
-        matrix = np.concatenate([group.reshape(depth, -1) for group in groups], axis=1, dtype=np.float32)
+        matrix = np.concatenate(
+            [np.zeros((depth, 0)), *(group.reshape(depth, -1) for group in groups)], axis=1, dtype=np.float32
+        )
         scales, biases = numbers[scale : scale + 2 * width].reshape(2, width)
         h = h[:, :depth] @ matrix * scales + biases
         if layer < last:

@@ -98,10 +98,13 @@ def test_outputs_that_do_not_vary_cost_nothing(weight_type):
     assert (y[:, still] == y[0, still]).all()
 
 
-def test_a_network_without_anything_that_varies():
-    network = random_network((4, 8, 6))
+@pytest.mark.parametrize("compiled", [True, False])
+@pytest.mark.parametrize("sizes", [(4, 6), (4, 8, 6)])
+def test_a_network_without_anything_that_varies(sizes, compiled):
+    network = random_network(sizes)
     network = replace(network, output_std=np.zeros(6, np.float32))
-    np.testing.assert_array_equal(Evaluator(network).evaluate(inputs(network, 9)), [network.output_mean] * 9)
+    found = Evaluator(network, compiled=compiled).evaluate(inputs(network, 9))
+    np.testing.assert_array_equal(found, [network.output_mean] * 9)
 
 
 def test_bytes_are_those_of_the_weights_as_they_are_stored():
