@@ -13,6 +13,7 @@ torch = pytest.importorskip("torch", reason="training needs torch")
 from lmm import stages  # noqa: E402
 from lmm.model import Model  # noqa: E402
 from lmm.training import settings as settings_of  # noqa: E402
+from lmm.training.checkpoint import Checkpoint  # noqa: E402
 from lmm.training.data import Data, spread  # noqa: E402
 from lmm.training.decompressor import DecompressorStage  # noqa: E402
 from lmm.training.networks import Perceptron  # noqa: E402
@@ -66,6 +67,24 @@ def test_the_same_seed_gives_the_same_model_and_another_another(database, traine
     assert sorted(path.name for path in tmp_path.iterdir()) == [
         "again.lmm", "again.lmm.jsonl", "other.lmm", "other.lmm.jsonl"
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize("stage", ["stepper", "projector", ""])
+def test_a_training_goes_on_at_any_stage_to_the_same_model(database, trained, tmp_path, monkeypatch, stage):
+    """Stages that are done are not begun again: those that follow must do without."""
+    write = Checkpoint.save
+
+    def save(self, path):
+        write(self, path)
+        if self.stage == stage:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(Checkpoint, "save", save)
+    with pytest.raises(KeyboardInterrupt):
+        train(database, tmp_path / "walk.lmm", settings())
+    monkeypatch.undo()
+    resumed = train(database, tmp_path / "walk.lmm", settings(), resume=True)
+    assert resumed.fingerprint == trained.fingerprint
 
 
 def test_the_published_recipe_trains_too(database, tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cached_property
 
 import numpy as np
 import torch
@@ -61,12 +62,16 @@ class DecompressorStage:
         self._features = torch.from_numpy(data.features).to(device)
         self._inputs = torch.from_numpy(data.inputs).to(device)
         self._starts = data.starts(self.settings.window)
-        database = data.database
-        self._loss = PoseLoss(
-            database.skeleton, len(database.contact_roles), database.fps, data.vectors,
+        self._samples = {part: data.sample(JUDGED, part) for part in data.parts()}
+
+    @cached_property
+    def _loss(self) -> PoseLoss:
+        """Not of `begin`: later stages judge poses by it, also those that go on where this one is done."""
+        database = self._data.database
+        return PoseLoss(
+            database.skeleton, len(database.contact_roles), database.fps, self._data.vectors,
             threads=torch.get_num_threads(),
         )  # fmt: skip
-        self._samples = {part: data.sample(JUDGED, part) for part in data.parts()}
 
     def _by_block(self, std: Array) -> Array:
         """One deviation for a block: what hardly moves is not blown up to the size of the rest."""
