@@ -206,20 +206,18 @@ def noise(database: Database, queries: Queries, *, ranges: ArrayLike | None = No
     """How far real queries lie from the data by column, float32 [F]: the root mean square of `residuals`.
 
     The published noise, N(0, 1) x U(0, 1) x (column's standard deviation + 1) (REFERENCE 3.2), is far larger.
-    Distances to the nearest row, of 100,000 real queries and of rows with the published noise (27 columns of
-    locomotion at 60 frames a second; 39 of a dog):
+    Distances to the nearest row, of 100,000 real queries and of rows with the published noise (27 columns at
+    60 frames a second; generated clips with crouching, and short ones of CMU):
 
-                            real: median, 95 %, 99 %    published: median, 95 %, 99 %
-        124,000 frames      1.28  3.18   4.38           4.68   9.49  11.15
-         72,000, crouching  1.57  3.74   6.01           4.75   9.72  11.42
-         21,000, short      1.96  6.23  10.60           4.81   9.81  11.60
-         54,000, dog        2.77  6.48   8.58           5.84  11.50  13.22
+                             real: median, 95 %, 99 %    published: median, 95 %, 99 %
+        72,000 frames        1.57  3.74   6.01           4.75   9.72  11.42
+        21,000, short clips  1.96  6.23  10.60           4.81   9.81  11.60
 
-    Half of the published samples thus lie beyond 91 to 99 % of what is really asked. Normal noise of this
-    scale has the right size on average (median 1.4 for the first row) but no far tail; with other queries'
-    residuals as noise the median is 1.21, 95 % 2.85 and 99 % 3.96. The pose's columns of a query are the
-    playing frame's own and lie 0.1 to 0.6 from the nearest row's; the trajectory's lie 0.2 to 1.9 from the
-    playing frame's and 0.2 to 1.3 from the nearest row's.
+    Half of the published samples thus lie beyond 91 to 98 % of what is really asked. Normal noise of this
+    scale has no far tail: for the first row the median is 1.9 and 99 % is 2.7; with other queries' residuals
+    as noise they are 1.3 and 4.9. The pose's columns of a query are the playing frame's own and lie 0.1 to
+    0.6 from the nearest row's; the trajectory's lie 0.2 to 1.8 from the playing frame's and 0.2 to 1.3 from
+    the nearest row's.
     """
     difference = residuals(database, queries, ranges=ranges).astype(np.float64)
     return np.sqrt((difference**2).mean(axis=0)).astype(np.float32)
