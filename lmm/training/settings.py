@@ -79,7 +79,6 @@ class Settings:
     latent : size of the latent.
     compressor : widths of the compressor's hidden layers; it is trained with the decompressor.
     precision : "bfloat16" multiplies matrices so, where the processor can; the rest stays float32.
-    compile : have torch compile what a step computes.
     device : where networks are trained.
     threads : of the processor; 0 takes as many as torch does.
     checkpoint_seconds : time between checkpoints, seconds.
@@ -92,7 +91,6 @@ class Settings:
     latent: int = 32
     compressor: tuple[int, ...] = (512, 512, 512)
     precision: Precision = "float32"
-    compile: bool = False
     device: Device = "cpu"
     threads: int = 0
     checkpoint_seconds: float = 60.0
@@ -153,7 +151,6 @@ def _ours(name: str) -> Settings:
     share = {"full": 1.0, "quick": 0.2, "smoke": 0.0}[name]
     settings = Settings(
         precision="bfloat16",
-        compile=name != "smoke",
         decompressor=StageSettings(window=2, batch=256, learning_rate=2e-3),
         stepper=StageSettings(window=20, hidden=(512,) * 2, batch=128),
         projector=StageSettings(hidden=(512,) * 4, batch=512),
