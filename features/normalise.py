@@ -77,7 +77,10 @@ def costs(schema: Schema, queries: Array, rows: Array) -> NDArray[np.float32]:
 
 
 def total_costs(schema: Schema, queries: Array, rows: Array) -> NDArray[np.float32]:
-    """Cost of pairs, the sum over features, float32 ``[...]``; broadcasts as `costs`."""
+    """Cost of pairs, the sum over features, float32 ``[...]``, as a search counts it; broadcasts as `costs`."""
+    if schema.euclidean:
+        difference = np.asarray(queries, np.float32) - np.asarray(rows, np.float32)
+        return np.einsum("...f,...f->...", difference, difference)
     return costs(schema, queries, rows).sum(axis=-1)
 
 

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 import mm.kernels
 import mm.kernels_numpy
 from features import normalise
-from features.schema import Schema
 from mm import search
 from mm.controller import build_index
 from mm.database import Database
@@ -172,7 +171,7 @@ class ProjectorProjection:
 
     def __init__(self, model: Model, *, compiled: bool = True) -> None:
         description = model.description
-        self.width, self._schema = model.F, description.schema
+        self.width, self.schema = model.F, description.schema
         self._crouch = np.uint32(description.crouch_tag)
         self._names = description.tag_names
         self._network = Evaluator(model.projector, compiled=compiled)
@@ -185,11 +184,11 @@ class ProjectorProjection:
         return self._network.evaluate(queries).copy()
 
     def project(self, queries, state, bound, required_tags, forbidden_tags):
-        self._check_tags(required_tags, forbidden_tags)
+        self.check_tags(required_tags, forbidden_tags)
         values = self.guess(queries, required_tags)
         guessed = LatentState.of(values, self.width)
         guessed.asked = required_tags
-        found_costs = costs(self._schema, queries, values[:, : self.width])
+        found_costs = normalise.total_costs(self.schema, queries, values[:, : self.width])
         return guessed, found_costs, found_costs < bound
 
     def possible(self, required_tags: int, forbidden_tags: int) -> bool:
@@ -197,7 +196,8 @@ class ProjectorProjection:
             required_tags & forbidden_tags
         )
 
-    def _check_tags(self, required: NDArray[np.uint32], forbidden: NDArray[np.uint32]) -> None:
+    def check_tags(self, required: NDArray[np.uint32], forbidden: NDArray[np.uint32]) -> None:
+        """A UserError for tags that the network does not know."""
         unknown = np.bitwise_or.reduce(required | forbidden, initial=0) & ~self._crouch
         if unknown:
             names = [name for bit, name in enumerate(self._names) if unknown >> bit & 1]
@@ -222,12 +222,12 @@ class GuessedFrames:
         self._projector, self._nearest, self._radius = projector, nearest, ignore_radius
 
     def project(self, queries, state, bound, required_tags, forbidden_tags):
-        self._projector._check_tags(required_tags, forbidden_tags)
+        self._projector.check_tags(required_tags, forbidden_tags)
         exclude = search.Exclusions(state.frames(), self._radius, required_tags, forbidden_tags)
         frames = self._nearest.frames(self._projector.guess(queries, required_tags), state.frames(), exclude)
         lost = frames < 0
         candidates = FrameState(np.where(lost, state.frames(), frames), state.data)
-        found_costs = costs(self._projector._schema, queries, candidates.features())
+        found_costs = normalise.total_costs(self._projector.schema, queries, candidates.features())
         found_costs[lost] = np.inf
         return candidates, found_costs, found_costs < bound
 
@@ -328,14 +328,6 @@ class LookedUpPoses:
 
     def memory(self) -> dict[str, int]:
         return self._gather.memory() | self._nearest.memory()
-
-
-def costs(schema: Schema, queries: NDArray[np.float32], features: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Total cost [M] of normalised features [M, F] for queries [M, F], as a search counts it."""
-    if schema.euclidean:
-        difference = queries - features
-        return np.einsum("mf,mf->m", difference, difference)
-    return normalise.costs(schema, queries, features).sum(axis=-1)
 
 
 def letters(learned: str | Iterable[str]) -> str:

@@ -105,7 +105,6 @@ class Controller:
         self._past_frames = -layout.times[past] * self.fps
         self._present_slots = np.flatnonzero(layout.times == 0)
         self._normalisation = (stages.plain(description.offset), stages.plain(description.scale))
-        self._euclidean = schema.euclidean
         self._legs = description.feet(settings.foot_height) if settings.foot_lock else None
         self._parents = stages.plain(self.skeleton.parents)
 
@@ -252,7 +251,7 @@ class Controller:
         self._kernels.build_queries(
             self.characters, who, features, self._trajectory, *self._columns, *self._normalisation, queries
         )
-        current = self.costs(queries, features)
+        current = normalise.total_costs(self._schema, queries, features)
         required, forbidden = command.required_tags[who], command.forbidden_tags[who]
         # Playing on has no price where it is impossible, or not what was asked for.
         barred = _lack(state.tags(), required, forbidden)
@@ -329,13 +328,6 @@ class Controller:
         shown.rotations[:, 0] = 0
         shown.rotations[:, 0, 0], shown.rotations[:, 0, 2] = np.cos(root[:, 2] / 2), np.sin(root[:, 2] / 2)
         shown.velocities[:, 0] = shown.angular_velocities[:, 0] = 0
-
-    def costs(self, queries: NDArray[np.float32], features: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Total cost [M] of normalised features [M, F] for queries [M, F], as the search counts it."""
-        if self._euclidean:
-            difference = queries - features
-            return np.einsum("mf,mf->m", difference, difference)
-        return normalise.costs(self._schema, queries, features).sum(axis=-1)
 
     def _lap(self, stage: str) -> None:
         """Book the time since the last lap under a stage."""
