@@ -77,7 +77,7 @@ def costs(schema: Schema, queries: Array, rows: Array) -> NDArray[np.float32]:
 
 
 def total_costs(schema: Schema, queries: Array, rows: Array) -> NDArray[np.float32]:
-    """Cost of pairs, the sum over features, float32 ``[...]``, as a search counts it; broadcasts as `costs`."""
+    """Cost of pairs, the sum over features as a search counts it, float32 ``[...]``; see `costs`."""
     if schema.euclidean:
         difference = np.asarray(queries, np.float32) - np.asarray(rows, np.float32)
         return np.einsum("...f,...f->...", difference, difference)

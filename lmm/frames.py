@@ -1,4 +1,4 @@
-"""What the Compressor sees of a frame."""
+"""What the Compressor sees of a frame, and the Projector of a query."""
 
 from __future__ import annotations
 
@@ -28,3 +28,14 @@ def compressor_inputs(database: Database, frames: slice | NDArray = slice(None))
     blocks = positions[:, 1:], columns(rotations[:, 1:]), velocities[:, 1:], angular[:, 1:]
     flat = [np.asarray(block, np.float32).reshape(len(poses), -1) for block in blocks]
     return np.concatenate([layout.pack(database, frames), *flat], axis=1)
+
+
+def projector_inputs(queries: Array, crouch_tag: int, asked: NDArray[np.uint32]) -> Array:
+    """Vectors [M, F + 1]: queries [M, F], then 1 where tags asked for [M] have crouching, else 0.
+
+    Where the data does not divide into crouched and upright frames, and the tag is 0, the queries alone.
+    """
+    if not crouch_tag:
+        return queries
+    crouched = (asked & np.uint32(crouch_tag)) != 0
+    return np.concatenate([queries, crouched[:, None].astype(np.float32)], axis=1)

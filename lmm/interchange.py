@@ -22,6 +22,7 @@ from motion import files
 from motion.errors import UserError
 
 from .evaluation import decompressor
+from .frames import projector_inputs
 from .layout import Layout
 from .model import CHUNK, RUNTIME, Model
 from .network import NORMALISATION, Array, Network
@@ -171,11 +172,7 @@ def own_queries(
     description: Description, database: Database, frames: slice | NDArray[np.int64] = slice(None)
 ) -> Array:
     """Queries [T, F], or [T, F + 1] with crouching, that ask for a database's own frames."""
-    features = database.features[frames]
-    if not description.crouch_tag:
-        return features
-    crouched = (database.tags[frames] & np.uint32(description.crouch_tag)) != 0
-    return np.concatenate([features, crouched[:, None].astype(np.float32)], axis=1)
+    return projector_inputs(database.features[frames], description.crouch_tag, database.tags[frames])
 
 
 def projected_latents(projector: Network, description: Description, database: Database) -> Array:

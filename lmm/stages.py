@@ -41,6 +41,7 @@ from motion.pose import Poses
 
 from . import kernels, kernels_numpy
 from .evaluator import Evaluator
+from .frames import projector_inputs
 from .model import Model
 
 LETTERS = "PSD"
@@ -178,10 +179,7 @@ class ProjectorProjection:
 
     def guess(self, queries: NDArray[np.float32], required_tags: NDArray[np.uint32]) -> NDArray[np.float32]:
         """What the network answers [M, F + L] to queries [M, F]; a copy."""
-        if self._crouch:
-            asked = (required_tags & self._crouch) != 0
-            queries = np.concatenate([queries, asked[:, None].astype(np.float32)], axis=1)
-        return self._network.evaluate(queries).copy()
+        return self._network.evaluate(projector_inputs(queries, int(self._crouch), required_tags)).copy()
 
     def project(self, queries, state, bound, required_tags, forbidden_tags):
         self.check_tags(required_tags, forbidden_tags)

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from features import normalise
 from features.schema import Schema
+from lmm.frames import projector_inputs
 from lmm.model import Model
 from mm import queries as recorded
 from mm.database import Database
@@ -22,10 +23,7 @@ BINS = np.linspace(0, 3, 61)  # of the histogram of regret; what is more goes in
 
 def answers(model: Model, queries: Queries) -> NDArray[np.float32]:
     """States [M, F + L] that the projector gives for queries."""
-    inputs, tag = queries.features, np.uint32(model.description.crouch_tag)
-    if tag:
-        crouched = (queries.required & tag) != 0
-        inputs = np.concatenate([inputs, crouched[:, None].astype(np.float32)], axis=1)
+    inputs = projector_inputs(queries.features, model.description.crouch_tag, queries.required)
     parts = [model.projector.evaluate(inputs[i : i + CHUNK]) for i in range(0, len(inputs), CHUNK)]
     return np.concatenate(parts) if parts else np.zeros((0, model.F + model.L), np.float32)
 
