@@ -173,9 +173,9 @@ def _errors(before: Model, after: Model, database: Database) -> dict[str, Any]:
         latents = before.latents(database)
     else:
         latents = interchange.projected_latents(before.projector, before.description, database)
-    trained = before.training_ranges(database)
+    training = before.training_ranges(database)
     found: dict[str, Any] = {}
-    for part, ranges in (("trained", trained), ("held_out", ~trained)):
+    for part, ranges in (("training", training), ("held_out", ~training)):
         off = interchange.mean_errors(after, database, latents, ranges=ranges) if ranges.any() else {}
         found |= {
             f"{part}_{name}": round(off[name], 4) if off else None for name in ("position_cm", "rotation_deg")

@@ -107,7 +107,7 @@ def test_conversion_says_what_it_saves_and_costs(folder: Path, tmp_path: Path, m
     assert sizes == sorted(sizes, reverse=True)
     changes = [rows[weights]["stepper_change"] for weights in ("float32", "float16", "int8")]
     assert changes[0] == 0 < changes[1] < changes[2] < 0.1
-    for part in ("trained", "held_out"):
+    for part in ("training", "held_out"):
         base = before[f"{part}_position_cm"]
         assert rows["int8"][f"{part}_position_cm"] == pytest.approx(base, rel=0.05)
     if model == "walk":
