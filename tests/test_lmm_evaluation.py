@@ -217,7 +217,7 @@ def test_noisy_rows_are_rows_with_real_noise(database):
     ranges = np.array(database.names) == "run"
     noisy = projector.noisy_rows(database, asked, ranges=ranges, seed=3)
     assert len(noisy) == 400 and np.all(noisy.current == -1)
-    residuals = recorded.residuals(database, asked, ranges=ranges)
+    residuals = recorded.residuals(database, asked)
     rows = database.features[np.flatnonzero(ranges[database.ranges()])]
     possible = {tuple(np.round(r, 3)) for r in residuals}
     for query in noisy.features[:10]:
@@ -378,6 +378,7 @@ def test_everything_of_a_model_at_another_rate_with_tags(crouching):
     frames = {part: errors["frames"] for part, errors in found["decompressor"].items()}
     assert frames["whole"] == frames["training"] + frames["held_out"] == len(crouching)
     assert set(found["stepper"]) == {"training", "held_out"}
+    assert set(found["projector"]) == {"real", "training", "held_out"}
     assert [row["system"] for row in found["systems"]] == ["mm", "lmm-PSD", "mm-free", "lmm-PSD-free"]
     assert len(found["courses"]) == 8
     assert [row["system"] for row in found["mixtures"]] == [
@@ -397,8 +398,27 @@ def test_without_held_out_clips_there_is_one_part(database, exact):
     model = replace(exact, held_out=())
     found = evaluate.evaluate(model, database, replace(BRIEF, courses=("circle",), mixed=("circle",)))
     assert set(found["decompressor"]) == {"whole", "training"} and set(found["stepper"]) == {"training"}
+    assert set(found["projector"]) == {"real", "training"}
     assert not any("held" in row["what"] for row in found["targets"])
     pictures.all_of(found)
+
+
+def test_characters_without_whole_legs_are_driven_once(database, exact):
+    """Their feet cannot be held, so there is nothing to compare with holding them."""
+    model = replace(exact, description=replace(exact.description, legs=None))
+    found = evaluate.evaluate(model, database, replace(BRIEF, courses=("circle",), mixed=("circle",)))
+    assert [row["system"] for row in found["courses"]] == ["mm-free", "lmm-PSD-free"]
+    assert [row["met"] for row in found["targets"] if "motion matching" in row["what"]] != [None, None]
+
+
+def test_users_that_judge_are_none_that_training_learns_from(database, exact, monkeypatch):
+    asked = []
+    make = recorded.random_user
+    monkeypatch.setattr(
+        recorded, "random_user", lambda *a, seed=0, **b: asked.append(seed) or make(*a, seed=seed, **b)
+    )
+    evaluate.evaluate(exact, database, replace(BRIEF, courses=("circle",), mixed=("circle",)), seed=0)
+    assert len(asked) == 2 and all(seed % 2 == 1 for seed in asked)
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,7 @@ from mm.driving import COURSES, SECONDS
 
 from . import decompressor, driving, projector, stepper
 
-SEED = 20_000  # of queries; training's own count up from 0
+SEED = 20_000
 
 # What is good enough: at most so much.
 WHOLE_CM, HELD_OUT_CM, DRIFT_STEPS, DRIFT_CM, REGRET, SHARE_OF_MM = 1.0, 2.0, 10, 5.0, 1.05, 1.1
@@ -74,7 +74,8 @@ def evaluate(
 
     decompressor : `decompressor.errors` of the whole database, the training and the held-out clips.
     stepper : of the latter two, rows of `stepper.Drift.table` and the whole curves.
-    projector : `projector.errors` on real queries, recorded with a seed of their own, and on noisy rows.
+    projector : `projector.errors` on real queries, of a user that no training learns from, and on noisy rows
+        of the training and the held-out clips.
     courses, systems : rows of the model and of motion matching, feet held and not (`driving.Judge`).
     mixtures : a row for each mixture of learned and classical stages, over fewer courses.
     endurance : `driving.endure`.
@@ -104,8 +105,12 @@ def _measured(
     for name, ranges in progress(list(parts.items()), label="stepper", unit="parts of the data"):
         drift = stepper.drift(model, database, latents, starts=plan.starts, ranges=ranges, seed=seed)
         found["stepper"][name] = {"drift": drift.table(), "curves": drift.curves()}
-    asked = recorded.record(database, plan.queries, seed=seed)
-    kinds = {"real": asked, "noisy": projector.noisy_rows(database, asked, ranges=trained, seed=seed)}
+    user = 2 * seed + 1  # training learns from users of even seeds
+    asked = recorded.record(database, plan.queries, seed=user)
+    kinds = {"real": asked} | {
+        name: projector.noisy_rows(database, asked, ranges=ranges, seed=seed)
+        for name, ranges in parts.items()
+    }
     found["projector"] = {
         name: projector.errors(model, database, queries, latents)
         for name, queries in progress(list(kinds.items()), label="projector", unit="kinds of queries")
@@ -116,7 +121,7 @@ def _measured(
         database,
         seconds=60 * plan.minutes,
         characters=plan.characters,
-        seed=seed,
+        seed=user,
         progress=progress,
     )
     found["targets"] = targets(found)
@@ -129,7 +134,7 @@ def _driven(
     judge = driving.Judge(database, plan.courses, seconds=plan.seconds)
     jobs = [
         (system, course)
-        for locked in (True, False)
+        for locked in ((True, False) if model.description.legs is not None else (False,))
         for system in driving.systems(model, database, ("", "PSD"), latents=latents, locked=locked)
         for course in judge.courses
     ]

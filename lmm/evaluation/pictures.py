@@ -12,7 +12,7 @@ from motion import figures
 from .projector import BINS
 
 PARTS = {"training": "training clips", "held_out": "held-out clips"}
-KINDS = {"real": "real queries", "noisy": "noisy rows"}
+KINDS = {"real": "real queries"} | {part: f"noisy rows of {clips}" for part, clips in PARTS.items()}
 DRIVEN = {
     "skate_cm_s": "foot skate, cm/s",
     "path_cm": "distance from the path, cm",
@@ -80,9 +80,9 @@ def drift(found: dict[str, Any]) -> Any:
 def regret(found: dict[str, Any]) -> Any:
     """How often the projector's answer is how much further from the query than the true neighbour."""
     picture, (axes,) = figures.figure(6, 3.4)
-    for kind, label in KINDS.items():
-        of_it = found["projector"][kind]["regret"]
-        told = f"{label}: median {of_it['median']:.2f}, 95 % {of_it['p95']:.2f}"
+    for kind, errors in found["projector"].items():
+        of_it = errors["regret"]
+        told = f"{KINDS[kind]}: median {of_it['median']:.2f}, 95 % {of_it['p95']:.2f}"
         axes.stairs(100 * np.array(of_it["shares"]), BINS, label=told, linewidth=1.3)
     axes.axvline(1, color=figures.INK, linewidth=0.8, linestyle=(0, (4, 2)))
     axes.set_xlim(BINS[0], BINS[-1])

@@ -122,12 +122,12 @@ def errors(
 def noisy_rows(
     database: Database, queries: Queries, *, ranges: ArrayLike | None = None, seed: int = 0
 ) -> Queries:
-    """Rows of some ranges at random, each with the residual of another query as noise, as many as there are.
+    """Rows of some ranges at random, each with a query's residual as noise, as many as there are queries.
 
     See `mm.queries.residuals`. They ask for the tags that the row bears, and leave no frames out.
     """
     rng = np.random.default_rng(seed)
-    noise = recorded.residuals(database, queries, ranges=ranges)
+    noise = recorded.residuals(database, queries)
     chosen = np.ones(len(database.starts), bool) if ranges is None else np.asarray(ranges, bool)
     rows = rng.choice(np.flatnonzero(chosen[database.ranges()]), len(queries))
     noise = noise[rng.integers(0, len(noise), len(rows))]
