@@ -1,5 +1,6 @@
 # make demo   the main job: motion matching measured on generated clips   make test   the tests
 # make lint   formatter, linter, type checker, import checker             make clean  all that these made
+# make pretrained   train the networks that ship, on generated clips (an hour or two)
 #
 # make demo DATA=FOLDER measures it on your own clips.
 #
@@ -24,11 +25,11 @@ CORE := $(VENV)/.core
 DEV := $(VENV)/.dev
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --prefer-binary
 
-.PHONY: help demo test lint format clean
+.PHONY: help demo pretrained test lint format clean
 .DELETE_ON_ERROR:
 
 help:
-	@sed -n 's/^# \{0,1\}//p' Makefile | head -4
+	@sed -n 's/^# \{0,1\}//p' Makefile | head -5
 
 demo: $(CORE)
 ifeq ($(DATA),$(DANCE))
@@ -38,6 +39,17 @@ endif
 	@test -e "$(DATA)" || { \
 	  echo "error: no clips at $(DATA); say where yours are: make demo DATA=FOLDER (BVH or ASF/AMC)" >&2; exit 2; }
 	$(BIN)/python -m bench compare "$(DATA)" $(if $(TAGS),--tags "$(TAGS)") $(foreach pattern,$(EXCLUDE),--exclude '$(pattern)') -o "$(OUT)"
+
+# Their fingerprints are checked by tests/test_lmm_pretrained.py.
+PRETRAINED := out/pretrained
+PRESET ?= full
+pretrained: $(DEV)
+	$(BIN)/python -m motion dancecard -o "$(PRETRAINED)/dancecard"
+	$(BIN)/python -m mm build "$(PRETRAINED)/dancecard" --tags "$(PRETRAINED)/dancecard/tags.csv" -o "$(PRETRAINED)/dancecard.mmdb"
+	$(BIN)/python -m lmm train "$(PRETRAINED)/dancecard.mmdb" -o "$(PRETRAINED)/dancecard.lmm" --preset $(PRESET) --held-out 0 \
+	  $(if $(wildcard $(PRETRAINED)/dancecard.lmm.checkpoint),--resume)
+	$(BIN)/python -m lmm convert "$(PRETRAINED)/dancecard.lmm" -o lmm/pretrained/dancecard.lmm --weights float16 \
+	  --db "$(PRETRAINED)/dancecard.mmdb"
 
 test: $(DEV)
 	$(BIN)/python -m pytest $(PYTEST_FLAGS)

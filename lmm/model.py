@@ -14,6 +14,7 @@ from mm.description import Description
 from motion import files
 from motion.errors import UserError
 
+from . import pretrained
 from .layout import Layout
 from .network import Network, WeightType
 
@@ -169,7 +170,8 @@ class Model:
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> Model:
-        """Read a model. Errors: see `motion.files.load`."""
+        """Read a model: a file, or one that ships, by its name. Errors: see `motion.files.load`."""
+        path = pretrained.find(path)
         metadata, arrays, fingerprint = files.load(path, KIND, VERSION)
         with files.content_of(path, KIND):
             prefix = "description."
