@@ -154,7 +154,7 @@ class _Trainer:
                     self._done |= {n: a for n, a in point.arrays.items() if n.startswith(prefix)}
                     _put(_weights(stage), point.arrays, prefix)
                     for module in stage.modules().values():
-                        module.eval()
+                        module.to(self._settings.device).eval()
         return point
 
     def _train(self, place: int, stage: Stage, point: Checkpoint | None) -> None:

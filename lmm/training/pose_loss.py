@@ -80,8 +80,8 @@ class PoseLoss:
 
     def plain(self, vectors: Tensor, first: NDArray[np.int64], window: int) -> dict[str, Tensor]:
         """The obvious twin of `compiled`, by autograd."""
-        rows = torch.as_tensor((first[:, None] + np.arange(window)).reshape(-1), device=vectors.device)
-        truth = torch.as_tensor(self._truth, device=vectors.device)[rows]
+        rows = (first[:, None] + np.arange(window)).reshape(-1)
+        truth = torch.from_numpy(self._truth[rows]).to(vectors.device)
         found, goal = self._parts(vectors, window), self._parts(truth, window)
         # The root's motion and contacts have neither place in the hierarchy nor rates.
         mine, theirs = self._blocks(vectors), self._blocks(truth)
