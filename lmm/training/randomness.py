@@ -8,12 +8,8 @@ from __future__ import annotations
 import contextlib
 import zlib
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
-
-if TYPE_CHECKING:
-    import torch
 
 
 def sequence(seed: int, stage: str, iteration: int = 0) -> np.random.SeedSequence:
@@ -26,22 +22,11 @@ def generator(seed: int, stage: str, iteration: int = 0) -> np.random.Generator:
     return np.random.Generator(np.random.Philox(sequence(seed, stage, iteration)))
 
 
-def torch_generator(seed: int, stage: str, iteration: int = 0, device: str = "cpu") -> torch.Generator:
-    """The same of torch."""
-    import torch
-
-    return torch.Generator(device).manual_seed(_number(seed, stage, iteration))
-
-
 @contextlib.contextmanager
 def seeded(seed: int, stage: str) -> Iterator[None]:
     """Torch's own generator seeded for a stage, and put back after: what modules take first weights from."""
     import torch
 
     with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(_number(seed, stage, 0))
+        torch.manual_seed(int(sequence(seed, stage).generate_state(1, np.uint64)[0]))
         yield
-
-
-def _number(seed: int, stage: str, iteration: int) -> int:
-    return int(sequence(seed, stage, iteration).generate_state(1, np.uint64)[0])
