@@ -156,11 +156,13 @@ def convert(
 
 
 def _row(path: str, model: Model) -> dict[str, Any]:
+    from . import pretrained
+
     return {
         "model": path,
         "weights": model.decompressor.weight_type,
         "compressor": model.compressor.weight_type if model.compressor else None,
-        "file_bytes": Path(path).stat().st_size,
+        "file_bytes": pretrained.find(path).stat().st_size,
         "runtime_bytes": sum(model.memory().values()),
     }
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 from motion import console
 
+from . import pretrained
 from .model import Model
 
 PARTS = {"training": "training", "held_out": "held out"}
@@ -19,7 +19,7 @@ def describe(model: Model, path: str) -> dict[str, Any]:
     return {
         "path": path,
         "fingerprint": model.fingerprint,
-        "file_bytes": Path(path).stat().st_size,
+        "file_bytes": pretrained.find(path).stat().st_size,
         "parameters": model.parameters,
         "bytes": model.memory(),
         "networks": {

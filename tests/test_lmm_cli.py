@@ -12,6 +12,7 @@ import lmm_models
 import pytest
 from click.testing import CliRunner, Result
 
+from lmm import pretrained
 from lmm.cli import main
 from lmm.model import Model
 from lmm.training import settings as training_settings
@@ -254,6 +255,19 @@ def test_info_without_a_compressor(model: Path, tmp_path: Path) -> None:
     assert facts["networks"]["stepper"]["weights"] == "int8"
     text = _lmm("info", tmp_path / "small.lmm").stdout
     assert "held out     nothing" in text and "training     unknown" in text
+
+
+def test_commands_know_the_models_that_ship_by_name(
+    model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pretrained, "FOLDER", model.parent)
+    monkeypatch.chdir(tmp_path)
+    facts = json.loads(_lmm("info", "walk", "--json").stdout)
+    assert facts["file_bytes"] == model.stat().st_size and facts["path"] == "walk"
+    rows = json.loads(_lmm("convert", "walk", "-o", "small", "--weights", "int8", "--json").stdout)
+    assert [row["model"] for row in rows] == ["walk", "small"]
+    assert rows[0]["file_bytes"] == model.stat().st_size
+    assert "no: cannot read" in _fails("info", "no")
 
 
 def test_info_of_what_is_no_model(model: Path, db: Path, tmp_path: Path) -> None:

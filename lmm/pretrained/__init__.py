@@ -1,4 +1,4 @@
-"""Networks that ship with the project, trained on its own generated data; ``make pretrained`` remakes them."""
+"""Networks that ship with the project, trained on its generated data; ``make pretrained`` remakes them."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from pathlib import Path
 
 from motion import files
 
-SUFFIX = ".lmm"
+FOLDER, SUFFIX = Path(__file__).parent, ".lmm"
 
 
 def names() -> list[str]:
     """What ships: "dancecard", trained on the clips that ``python -m motion dancecard`` writes by default."""
-    return sorted(path.stem for path in Path(__file__).parent.glob(f"*{SUFFIX}"))
+    return sorted(path.stem for path in FOLDER.glob(f"*{SUFFIX}"))
 
 
 def find(model: str | os.PathLike[str]) -> Path:
     """The file of a model: what ships by that name, unless a file of that name stands here."""
     if os.fspath(model) in names() and files.kind(model) is None:
-        return Path(__file__).parent / f"{os.fspath(model)}{SUFFIX}"
+        return FOLDER / f"{os.fspath(model)}{SUFFIX}"
     return Path(model)
