@@ -6,7 +6,7 @@ import contextlib
 import hashlib
 import math
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 TIMED_SECONDS, REPEATS = 5.0, 3
 WORST = ("pop_cm",)  # of these a system's summary row has the largest, of all other metrics the mean
 DATA = "(the clips)"
-SAMPLED = 300  # frames of a run of which the nearest real pose is sought
 NEAR_SECONDS = 0.5  # by which two walks may be out of step
 KEPT = 8  # ways of a course, the last ones, that are tried before the driver is asked
 
@@ -221,16 +220,12 @@ class _Yardstick:
     """
 
     def __init__(self, database: Database) -> None:
-        self._database, self._real = database, RealPoses(database)
+        self._database, self.real = database, RealPoses(database)
         self._matching = choose(["mm-exact"])[0]
 
     def matching(self, course: Course) -> System:
         """The motion matching that others are held against."""
         return self._matching.make(self._database, 1, obstacles=course.obstacles())
-
-    def real_cm(self, tape: recording.Recording) -> float:
-        some = np.linspace(0, len(tape) - 1, min(SAMPLED, len(tape))).astype(np.int64)
-        return float(self._real.distances(_local(tape)[some]).mean())
 
     def matched_cm(self, tape: recording.Recording, matched: recording.Recording) -> dict[str, float]:
         """Of two runs that were asked the same."""
@@ -288,7 +283,7 @@ class _Runs:
         if self._yardstick and self._matched:
             asked, matched = self._matched
             again = tape if clock is asked else self._record(system, Replay(asked))
-            metrics |= {"real_cm": self._yardstick.real_cm(tape)}
+            metrics |= {"real_cm": self._yardstick.real.of_run(tape)}
             metrics |= self._yardstick.matched_cm(again, matched)
         return metrics, trace
 
@@ -303,11 +298,9 @@ class _Runs:
         return clock, self._record(system, clock)
 
     def _record(self, system: System, clock: Clock) -> recording.Recording:
-        return recording.record(system, self.course, seconds=self._seconds, driver=clock, progress=_silent)
-
-
-def _silent(items: Iterator[int], **_: Any) -> Iterator[int]:
-    return items
+        return recording.record(
+            system, self.course, seconds=self._seconds, driver=clock, progress=console.silent
+        )
 
 
 def memory_mb(system: System) -> dict[str, float]:

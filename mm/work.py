@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
+from motion import console
 from motion.errors import UserError
 
 T = TypeVar("T")
@@ -17,10 +18,6 @@ R = TypeVar("R")
 
 def _silent(line: str) -> None:
     pass
-
-
-def _plain(items: Iterator[T], **_: Any) -> Iterator[T]:
-    return items
 
 
 @dataclass(frozen=True)
@@ -45,7 +42,7 @@ class Work:
         progress: Callable[..., Iterator[Any]] | None = None,
     ) -> Work:
         """By default one thread a core, and silence."""
-        return Work(jobs or os.cpu_count() or 1, note or _silent, progress or _plain)
+        return Work(jobs or os.cpu_count() or 1, note or _silent, progress or console.silent)
 
     def map(
         self,

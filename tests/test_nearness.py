@@ -11,6 +11,7 @@ from mm.course import Course, VelocityKey
 from mm.driving import Again, Clock, Diverged, Replay
 from mm.nearness import RealPoses, difference
 from mm.recording import record
+from motion.console import silent
 
 RNG = np.random.default_rng(0)
 
@@ -91,7 +92,7 @@ class Point:
 def test_a_replay_asks_what_was_asked_wherever_the_system_goes(database):
     keys = (VelocityKey(time=0.0, velocity=(0.0, 1.0)), VelocityKey(time=0.2, velocity=(1.0, 0.0)))
     course = Course(name="two", velocity=keys, seconds=0.5)
-    options = {"progress": lambda steps, **_: steps}
+    options = {"progress": silent}
     first, clock = Point(database, 1.0), Clock(course, 1, 60.0)
     before = record(first, course, driver=clock, **options)
     other = Point(database, 2.0)
@@ -103,3 +104,18 @@ def test_a_replay_asks_what_was_asked_wherever_the_system_goes(database):
         record(Point(database, 2.0), course, driver=Again(clock), **options)
     again = record(Point(database, 1.0), course, driver=Again(clock), **options)
     np.testing.assert_array_equal(again["positions"], before["positions"])
+
+
+def test_a_run_is_judged_by_evenly_spread_frames(database):
+    keys = (VelocityKey(time=0.0, velocity=(0.0, 1.0)),)
+    course = Course(name="on", velocity=keys, seconds=10.0)
+    run = record(Point(database, 1.0), course, progress=silent)
+    pose, frames = database.poses[np.arange(0, len(database), 5)[: len(run)]], len(run)
+    run["positions"][:, 0], run["rotations"][:, 0] = pose.positions, pose.rotations
+    run["positions"][0, 0, 3] += 0.3  # frames that count are not on the data
+    run["positions"][-1, 0, 3] += 0.3
+    real = RealPoses(database)
+    off = real.distances(
+        quality.in_root_space(run.skeleton, *(run[n][[0, -1], 0] for n in ("positions", "rotations")))
+    )
+    assert frames == 600 and real.of_run(run) == pytest.approx(off.sum() / 300, rel=1e-3)

@@ -19,13 +19,13 @@ from mm.database import Database
 from mm.driving import Clock, at_data_speeds, drive, natural_seconds
 from mm.nearness import RealPoses
 from mm.settings import Settings
+from motion import console
 from motion.errors import UserError
 from motion.pose import Poses
 
 Array = NDArray[np.floating]
 
 MIXED = ("circle", "start-stop", "random")  # courses of the table of all mixtures
-SAMPLED = 300  # frames of a run of which the nearest real pose is sought
 MARGIN = 0.5  # of a column's range, that a state may lie beyond it
 LOOSE_CM = 1.0  # that a bone may be longer or shorter than it ever is in the data
 HASTE = 1.5  # times the fastest of the data that a root may move
@@ -55,7 +55,7 @@ class Judge:
         seconds = min(self._seconds, natural_seconds(course))
         named: dict[str, Any] = {"system": system.name, "course": course.name}
         try:
-            tape = recording.record(system, course, seconds=seconds, driver=clock, progress=_silent)
+            tape = recording.record(system, course, seconds=seconds, driver=clock, progress=console.silent)
         except UserError:  # where the character is, and with it the next command, is no number
             return named | {"broke": True}
         if not all(np.isfinite(tape[name]).all() for name in ("positions", "rotations")):
@@ -63,18 +63,12 @@ class Judge:
         row, _ = quality.judge(
             tape.arrays, system.skeleton, system.fps, self._feet, tape.path, course=course.name
         )
-        some = np.linspace(0, len(tape) - 1, min(SAMPLED, len(tape))).astype(np.int64)
-        local = quality.in_root_space(system.skeleton, tape["positions"][some, 0], tape["rotations"][some, 0])
         return named | {
             "seconds": len(tape) / system.fps,
             **row,
-            "real_cm": float(self._real.distances(local).mean()),
+            "real_cm": self._real.of_run(tape),
             "frame_us": float(1e6 * np.median(tape.step_seconds)),
         }
-
-
-def _silent(items: Iterator[int], **_: Any) -> Iterator[int]:
-    return items
 
 
 def systems(
@@ -182,7 +176,7 @@ def endure(
     seconds: float = 600.0,
     characters: int = 16,
     seed: int = 1,
-    progress: Callable[..., Iterator[int]] = _silent,
+    progress: Callable[..., Iterator[int]] = console.silent,
 ) -> dict[str, Any]:
     """Let a random user drive characters by the model alone for a long time: does anything diverge?
 

@@ -14,6 +14,7 @@ from lmm.stages import COMBINATIONS
 from mm import queries as recorded
 from mm.database import Database
 from mm.driving import COURSES, SECONDS
+from motion import console
 
 from . import decompressor, driving, projector, stepper
 
@@ -58,17 +59,13 @@ QUICK = Plan(
 )
 
 
-def _plainly(items: Any, **_: Any) -> Iterator[Any]:
-    return iter(items)
-
-
 def evaluate(
     model: Model,
     database: Database,
     plan: Plan = Plan(),
     *,
     seed: int = SEED,
-    progress: Callable[..., Iterator[Any]] = _plainly,
+    progress: Callable[..., Iterator[Any]] = console.silent,
 ) -> dict[str, Any]:
     """All numbers, as plain data (None where there is none); a model of another database is a UserError.
 
