@@ -292,7 +292,7 @@ def test_a_cut_or_foreign_checkpoint_is_refused(tmp_path: Path) -> None:
         path.write_bytes(damaged)
         with pytest.raises(UserError, match="checkpoint") as caught:
             _train(output, _stages(), resume=True)
-        assert "\n" not in str(caught.value) and caught.value.remedy
+        assert "\n" not in str(caught.value) and caught.value.remedy == "remove the file to begin anew"
     arrays = {name: array for name, array in point.arrays.items() if "two" not in name}
     arrays.pop(next(name for name in arrays if name.startswith("averages.")))
     dataclasses.replace(point, arrays=arrays).save(path)
@@ -390,6 +390,45 @@ def test_a_second_ctrl_c_does_not_wait(tmp_path: Path) -> None:
     stages[0].at = twice
     with pytest.raises(KeyboardInterrupt, match="stopped at once"):
         _train(tmp_path / "fit", stages)
+
+
+def test_ctrl_c_while_a_stage_begins_does_not_wait(whole: Path, tmp_path: Path) -> None:
+    class Slow(Fit):
+        def begin(self) -> None:
+            signal.raise_signal(signal.SIGINT)
+            raise AssertionError
+
+    output, stages = tmp_path / "fit", _stages()
+    with pytest.raises(KeyboardInterrupt, match="stopped at once, before the first checkpoint"):
+        _train(output, [Slow("one", PLAN)])
+    with pytest.raises(KeyboardInterrupt, match="stopped at once; give --resume to go on from the last"):
+        _train(output, [*stages[:2], Slow("three", stages[2].settings, stages[1])])
+    _train(output, _stages(), resume=True)
+    assert output.read_bytes() == whole.read_bytes() and _lines(output) == _lines(whole)
+
+
+def test_ctrl_c_in_the_last_iteration_of_a_stage_begins_no_other(whole: Path, tmp_path: Path) -> None:
+    output, stages = tmp_path / "fit", _stages()
+    stages[0].at = lambda iteration: signal.raise_signal(signal.SIGINT) if iteration == 29 else None
+    with pytest.raises(KeyboardInterrupt, match="stopped after the one; give --resume"):
+        _train(output, stages)
+    assert stages[1].begun == 0
+    _train(output, _stages(), resume=True)
+    assert output.read_bytes() == whole.read_bytes() and _lines(output) == _lines(whole)
+
+
+@pytest.mark.parametrize("resume", [False, True])
+def test_two_trainings_of_one_model_are_refused(whole: Path, resume: bool, tmp_path: Path) -> None:
+    output, stages = tmp_path / "fit", _stages()
+
+    def another(iteration: int) -> None:
+        if iteration == 15:
+            with pytest.raises(UserError, match=r"fit.jsonl: another training of this model is under way; "):
+                _train(output, _stages(), resume=resume)
+
+    stages[1].at = another
+    _train(output, stages, EACH)
+    assert output.read_bytes() == whole.read_bytes() and _lines(output) == _lines(whole)
 
 
 def test_averages_are_what_is_evaluated_and_kept(tmp_path: Path) -> None:
@@ -531,3 +570,13 @@ def test_tensorboard_gets_the_same_numbers(tmp_path: Path) -> None:
         ):
             found = [(event.step, event.value) for event in events.Scalars(tag)]
             assert found == [(line["iteration"], pytest.approx(value(line))) for line in lines]
+
+
+def test_a_folder_for_tensorboard_that_cannot_be_written_leaves_the_log(whole: Path, tmp_path: Path) -> None:
+    pytest.importorskip("tensorboard", reason="needs tensorboard: pip install 'motion-matching[train]'")
+    output, folder = tmp_path / "fit", tmp_path / "board"
+    log.path_of(output).write_bytes(log.path_of(whole).read_bytes())
+    folder.write_text("a file")
+    with pytest.raises(UserError, match=r"board.*: cannot write: Not a directory"):
+        _train(output, _stages(), tensorboard=folder)
+    assert _lines(output) == _lines(whole)

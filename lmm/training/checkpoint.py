@@ -64,7 +64,10 @@ class Checkpoint:
         if files.kind(path) is None:
             what = "there is no checkpoint to go on from"
             raise UserError(what, path=path, remedy="begin without --resume")
-        metadata, arrays, _ = files.load(path, KIND, VERSION)
+        try:
+            metadata, arrays, _ = files.load(path, KIND, VERSION)
+        except UserError as error:
+            raise UserError(error.what, path=path, remedy="remove the file to begin anew") from error
         with files.content_of(path, KIND):
             for key in ("format", "version"):
                 metadata.pop(key)

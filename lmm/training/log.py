@@ -7,6 +7,7 @@ writing), ``learning_rate``, ``loss`` (terms, weighted, averaged over the last h
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 from collections.abc import Callable
@@ -54,16 +55,20 @@ class Log:
     """Appends lines to a file, each written out at once.
 
     keep decides which of the lines already there stay, up to the first that does not; without it the file
-    begins anew. A full disk is a UserError.
+    begins anew. A full disk is a UserError, and so is another training that writes the same log.
     """
 
     def __init__(self, path: Path, keep: Callable[[Record], bool] | None = None) -> None:
         self.path = path
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._stream: IO[bytes] = open(path, "wb" if keep is None else "a+b")  # noqa: SIM115
-            if keep is not None:
-                self._stream.truncate(self._length(keep))
+            self._stream: IO[bytes] = open(path, "a+b")  # noqa: SIM115
+            try:
+                _lock(self._stream, path)
+                self._stream.truncate(0 if keep is None else self._length(keep))
+            except (OSError, UserError):
+                self._stream.close()
+                raise
         except OSError as error:
             raise self._cannot(error) from error
 
@@ -101,7 +106,34 @@ class Log:
             raise self._cannot(error) from error
 
     def _cannot(self, error: OSError) -> UserError:
-        return UserError(f"cannot write: {error.strerror or error}", path=self.path)
+        return UserError(
+            f"cannot write: {error.strerror or error}", path=self.path, remedy="make room and begin anew"
+        )
+
+
+def check_free(path: Path) -> None:
+    """A UserError where another training writes a log at this moment."""
+    with contextlib.suppress(OSError), open(path, "rb") as stream:
+        _lock(stream, path)
+
+
+def _lock(stream: IO[bytes], path: Path) -> None:
+    """Until it is closed the stream's file is this training's alone, where the system can see to that."""
+    try:
+        import fcntl
+
+        fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        what = "another training of this model is under way"
+        raise UserError(what, path=path, remedy="wait for it, stop it, or name another model") from error
+    except (ImportError, OSError):
+        pass
+
+
+@needs("train", "tensorboard")
+def check_board(folder: str | os.PathLike[str]) -> None:
+    """A UserError where a `Board` could not be written."""
+    files.check_output(Path(folder, "events"))
 
 
 class Board:

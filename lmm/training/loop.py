@@ -83,7 +83,7 @@ def run(
 
     Beside output, which is left to the caller, stand a log (`lmm.training.log`) and, until the caller has
     written output and calls `lmm.training.checkpoint.remove`, a checkpoint. Ctrl-C writes one and raises
-    KeyboardInterrupt that says how to go on.
+    KeyboardInterrupt that says how to go on; while a stage begins it stops at once, for nothing is lost then.
 
     Parameters
     ----------
@@ -97,8 +97,8 @@ def run(
     UserError : a loss, an error or a weight is not finite: names stage, iteration and term. The last
         checkpoint, which is good, stays. Also where something cannot be written.
     """
-    with machine(settings), _patience() as stopped:
-        trainer = _Trainer(stages, settings, Path(output), database, stopped, tensorboard)
+    with machine(settings), _patience(checkpoints.path_of(output)) as stop:
+        trainer = _Trainer(stages, settings, Path(output), database, stop, tensorboard)
         with contextlib.closing(trainer):
             return trainer.run(resume)
 
@@ -112,11 +112,11 @@ class _Trainer:
         settings: Settings,
         output: Path,
         database: str,
-        stopped: Any,
+        stop: _Stop,
         tensorboard: str | os.PathLike[str] | None,
     ) -> None:
         self._stages, self._settings, self._database = stages, settings, database
-        self._stopped, self._tensorboard = stopped, tensorboard
+        self._stop, self._tensorboard = stop, tensorboard
         self._path, self._log_path = checkpoints.path_of(output), logs.path_of(output)
         self._errors: dict[str, Errors] = {}
         self._done: dict[str, NDArray] = {}  # weights of finished stages
@@ -132,6 +132,9 @@ class _Trainer:
     def run(self, resume: bool) -> Outcome:
         for path in (self._path, self._log_path):
             files.check_output(path)
+        logs.check_free(self._log_path)
+        if self._tensorboard is not None:
+            logs.check_board(self._tensorboard)
         point = self._resumed() if resume else None
         if point is None:
             checkpoints.begin_anew(self._path)
@@ -169,6 +172,7 @@ class _Trainer:
             self._board = logs.Board(self._tensorboard, stage.name, purge=purge)
         self._seconds += time.monotonic() - begun
 
+        self._stop.waits = True
         iterations, saved = stage.settings.iterations, time.monotonic()
         label = f"{stage.name} ({place + 1} of {len(self._stages)})"
         remaining = range(state.iteration, iterations)
@@ -180,7 +184,7 @@ class _Trainer:
             if state.iteration % stage.settings.evaluate == 0 or state.iteration == iterations:
                 self._evaluate(state)
             if state.iteration < iterations:
-                if self._stopped():
+                if self._stop.asked:
                     self._save(state)
                     raise KeyboardInterrupt(
                         f"stopped at iteration {state.iteration:,} of the {stage.name}; "
@@ -194,10 +198,13 @@ class _Trainer:
         self._done |= {f"done.{stage.name}.{n}": _array(t) for n, t in state.weights.items()}
         following = self._stages[place + 1].name if place + 1 < len(self._stages) else ""
         self._write(Checkpoint(stage=following, iteration=0, loss={}, arrays=self._done, **self._common()))
+        self._stop.waits = False
         if self._board is not None:
             self._board.close()
             self._board = None
         print(f"{label}: {iterations:,} iterations done; {state.told()}", file=sys.stderr, flush=True)
+        if self._stop.asked and following:
+            raise KeyboardInterrupt(f"stopped after the {stage.name}; give --resume to go on from there")
 
     def _evaluate(self, state: _State) -> None:
         """Find the errors at the averaged weights, and log them."""
@@ -415,7 +422,7 @@ def _check_finite(state: _State, what: str, value: float) -> None:
     if not math.isfinite(value):
         raise UserError(
             f"{state.stage.name}, iteration {state.iteration:,}: {what} is {value}",
-            remedy="the last good checkpoint stays; train anew with a lower learning_rate, or with clip",
+            remedy="the last good checkpoint, if any, stays; train with a lower learning_rate, or with clip",
         )
 
 
@@ -429,22 +436,31 @@ def _before(point: Checkpoint) -> Any:
     return keep
 
 
+@dataclass
+class _Stop:
+    """What Ctrl-C asks for: to stop at once or, where it waits, after the iteration."""
+
+    asked: bool = False
+    waits: bool = False
+
+
 @contextlib.contextmanager
-def _patience() -> Iterator[Any]:
-    """Ctrl-C is noted, to stop between two iterations; a second one stops at once."""
-    noted: list[int] = []
+def _patience(path: Path) -> Iterator[_Stop]:
+    """Ctrl-C is noted where stopping waits; elsewhere, and a second time, it stops at once."""
+    stop = _Stop()
     if threading.current_thread() is not threading.main_thread():
-        yield lambda: False
+        yield stop
         return
     before = signal.getsignal(signal.SIGINT)
 
     def note(number: int, frame: Any) -> None:
-        if noted:
-            raise KeyboardInterrupt("stopped at once; give --resume to go on from the last checkpoint")
-        noted.append(number)
+        if stop.asked or not stop.waits:
+            known = "; give --resume to go on from the last checkpoint" if path.is_file() else ""
+            raise KeyboardInterrupt(f"stopped at once{known or ', before the first checkpoint'}")
+        stop.asked = True
 
     signal.signal(signal.SIGINT, note)
     try:
-        yield lambda: bool(noted)
+        yield stop
     finally:
         signal.signal(signal.SIGINT, before)
