@@ -80,7 +80,8 @@ def show_errors(errors: dict[str, Any]) -> None:
         part = next((key for key in keys if key in PARTS), "all")
         name = " ".join(key for key in keys if key != part).replace("_", " ")
         rows.setdefault(name, {})[PARTS.get(part, part)] = value
-    columns = dict.fromkeys(column for row in rows.values() for column in row)
+    found = dict.fromkeys(column for row in rows.values() for column in row)
+    columns = [c for c in PARTS.values() if c in found] + [c for c in found if c not in PARTS.values()]
     if rows:
         console.print_table([{"error": name, **dict.fromkeys(columns), **row} for name, row in rows.items()])
 

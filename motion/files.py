@@ -89,6 +89,8 @@ def check_output(
 
     inputs are files that are read, and others that are written; None stands for one that was not given.
     """
+    if not os.fspath(path):
+        raise UserError("an output without a name", remedy="name a file to write")
     if kind(path) == "folder":
         raise UserError("cannot write: it is a folder", path=path, remedy="name a file to write")
     if kind(path) == "other":

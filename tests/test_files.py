@@ -225,6 +225,11 @@ def test_a_folder_a_device_and_a_file_as_folder_are_refused_as_output(tmp_path: 
     assert (tmp_path / "file").read_text() == "kept"
 
 
+def test_an_output_without_a_name_is_refused() -> None:
+    with pytest.raises(UserError, match="an output without a name; name a file to write"):
+        files.check_output("")
+
+
 FULL_DISK = """
 import resource, sys
 import numpy as np

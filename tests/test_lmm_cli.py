@@ -13,6 +13,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from lmm import pretrained
+from lmm import summary
 from lmm.cli import main
 from lmm.model import Model
 from lmm.training import settings as training_settings
@@ -94,6 +95,13 @@ def test_train_tells_what_it_made(db: Path, tmp_path: Path, calls: list[Call]) -
             {"resume": False, "tensorboard": None},
         )
     ]
+
+
+def test_errors_stand_in_one_order_before_and_after_storing(capsys: pytest.CaptureFixture[str]) -> None:
+    for parts in (("training", "held_out"), ("held_out", "training")):
+        summary.show_errors({"stepper": {part: {"error_cm": 1.0} for part in parts}})
+        header = capsys.readouterr().out.splitlines()[0]
+        assert header.index("training") < header.index("held out")
 
 
 def test_train_passes_its_options(db: Path, tmp_path: Path, calls: list[Call]) -> None:
