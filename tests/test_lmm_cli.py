@@ -12,8 +12,7 @@ import lmm_models
 import pytest
 from click.testing import CliRunner, Result
 
-from lmm import pretrained
-from lmm import summary
+from lmm import pretrained, summary
 from lmm.cli import main
 from lmm.model import Model
 from lmm.training import settings as training_settings

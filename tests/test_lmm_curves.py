@@ -61,6 +61,7 @@ def test_pictures(suffix: str, start: bytes, tmp_path: Path) -> None:
     assert data.startswith(start) and len(data) > 5000
     curves.save(out, [str(log)], ["ours"])
     assert out.read_bytes() == data
+    curves.save(out, [str(log)], ["a$x_$"])  # a file's name, no formula
 
 
 def test_other_pictures_are_refused(tmp_path: Path) -> None:

@@ -111,7 +111,8 @@ def _colours(count: int) -> list[str]:
 def _legend(names: Sequence[str]) -> list[Any]:
     from matplotlib.lines import Line2D
 
-    handles = [Line2D([], [], color=c, label=n) for n, c in zip(names, _colours(len(names)), strict=True)]
+    plain = [name.replace("$", r"\$") for name in names]  # no formulas
+    handles = [Line2D([], [], color=c, label=n) for n, c in zip(plain, _colours(len(names)), strict=True)]
     styles = [
         Line2D([], [], color=figures.INK, linestyle=line, label=part.replace("_", " "))
         for part, line in PARTS.items()
