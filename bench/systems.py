@@ -113,7 +113,7 @@ def learned(models: Mapping[str, Model]) -> list[Entry]:
     P is projection, S stepping, D decompression: NAME-D is the decompressor alone, on an exact search. None
     of them learned is mm-exact.
     """
-    from lmm.stages import COMBINATIONS
+    from lmm.mixtures import COMBINATIONS
 
     out = []
     for name, model in models.items():

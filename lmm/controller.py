@@ -11,8 +11,8 @@ from mm.controller import Controller
 from mm.database import Database
 from mm.settings import Settings
 
+from .mixtures import LETTERS, letters, stages
 from .model import Model
-from .stages import LETTERS, letters, stages
 
 
 def controller(
@@ -28,7 +28,7 @@ def controller(
 ) -> Controller:
     """A controller whose stages are a model's; it holds of the database what they need, nothing else.
 
-    learned, database, index, latents : see `lmm.stages.stages`; options : of `mm.controller.Controller`.
+    learned, database, index, latents : see `lmm.mixtures.stages`; options : of `mm.controller.Controller`.
     """
     learned = letters(learned)
     three = stages(

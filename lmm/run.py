@@ -52,7 +52,7 @@ def run(model: str, learned: str, db: str | None, index: str | None, **options: 
         make = partial(controller, loaded, learned=asked, database=database, index=index or "exact")
         return runs.Driven(loaded.description, make)
 
-    from .stages import LETTERS, letters
+    from .mixtures import LETTERS, letters
 
     asked = letters(learned)
     if asked != LETTERS and db is None:

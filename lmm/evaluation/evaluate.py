@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lmm.mixtures import COMBINATIONS
 from lmm.model import Model
-from lmm.stages import COMBINATIONS
 from mm import queries as recorded
 from mm.database import Database
 from mm.driving import COURSES, SECONDS
