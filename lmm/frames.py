@@ -13,6 +13,11 @@ from .layout import Layout, columns
 Array = NDArray[np.float32]
 
 
+def compressor_size(layout: Layout) -> int:
+    """Numbers of a vector of `compressor_inputs`."""
+    return layout.size + 15 * (layout.joints - 1)
+
+
 def compressor_inputs(database: Database, frames: slice | NDArray = slice(None)) -> Array:
     """Vectors [T, D + 15 (J - 1)]: a frame's `Layout` vector, then the joints in the root's space.
 

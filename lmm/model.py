@@ -15,6 +15,7 @@ from motion import files
 from motion.errors import UserError
 
 from . import pretrained
+from .frames import compressor_inputs, compressor_size
 from .layout import Layout
 from .network import Network, WeightType
 
@@ -109,8 +110,6 @@ class Model:
 
     def latents(self, database: Database) -> NDArray[np.float32]:
         """The latents [T, L] of a database's frames; without a compressor a UserError."""
-        from .frames import compressor_inputs
-
         if self.compressor is None:
             raise UserError(
                 "this model was stored without its compressor, which makes the latents of a database",
@@ -207,7 +206,7 @@ class Model:
                     f"{name} of {ends[0]} inputs and {ends[1]} outputs, expected {expected[name]}"
                 )
         if self.compressor is not None:
-            sizes, seen = self.compressor.sizes, self.layout.size + 15 * (self.layout.joints - 1)
+            sizes, seen = self.compressor.sizes, compressor_size(self.layout)
             if (sizes[0], sizes[-1]) != (seen, self.L):
                 found = f"{sizes[0]} inputs and {sizes[-1]} outputs"
                 raise ValueError(f"compressor of {found}, expected {seen, self.L}")

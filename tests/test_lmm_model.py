@@ -94,6 +94,7 @@ def test_the_compressor_sees_the_joints_in_the_root_s_space() -> None:
     db = lmm_models.database()
     seen = frames.compressor_inputs(db, np.array([5, 300]))
     model = lmm_models.model(db)
+    assert seen.shape[1] == frames.compressor_size(model.layout)
     np.testing.assert_array_equal(seen[:, :338], model.layout.pack(db, np.array([5, 300])))
     joints = len(db.skeleton)
     poses = db.poses[np.array([5, 300])]

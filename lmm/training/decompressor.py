@@ -10,6 +10,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from lmm.frames import compressor_size
+
 from . import pose_kernels
 from .checkpoint import Errors
 from .data import Data, spread
@@ -33,7 +35,7 @@ class DecompressorStage:
     def __init__(self, data: Data, settings: Settings) -> None:
         self.settings, self._all, self._data = settings.decompressor, settings, data
         features, vectors = data.features.shape[1], data.layout.size
-        inputs, seed = data.inputs.shape[1], settings.seed
+        inputs, seed = compressor_size(data.layout), settings.seed
         state = features + settings.latent
         self.compressor = Perceptron(
             (inputs, *settings.compressor, settings.latent), "elu", seed=seed, name="compressor"
