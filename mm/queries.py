@@ -115,7 +115,7 @@ def record(
     *,
     seed: int = 0,
     characters: int | None = None,
-    index: str = "exact",
+    index: str | search.Index = "exact",
     course: Course | None = None,
     settings: Settings = SETTINGS,
 ) -> Queries:
@@ -123,7 +123,8 @@ def record(
 
     By default the course is a random user's of that seed at the speeds of the data, long enough that no two
     characters do the same: walks, runs, strafes, sharp turns, stops, and crouches where some frames bear the
-    tag "crouch". As many characters as make about 100 searches each, at most 1,024, unless given.
+    tag "crouch". As many characters as make about 100 searches each, at most 1,024, unless given. With an
+    index over some ranges (`index_of`) nothing else is played.
     """
     if characters is None:
         characters = min(MOST_CHARACTERS, -(-count // EACH))

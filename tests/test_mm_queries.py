@@ -61,6 +61,13 @@ def test_a_crowd_asks_for_many_things(database):
     assert np.all(goals.std(axis=0) > 0.2)
 
 
+def test_a_crowd_plays_nothing_but_what_is_searched(database):
+    some = np.arange(len(database.starts)) % 2 == 0
+    found = queries.record(database, 300, index=queries.index_of(database, ranges=some))
+    assert some[database.ranges()[found.current]].all()
+    assert not some[database.ranges()[queries.record(database, 300).current]].all()
+
+
 def test_a_listener_leaves_the_controller_as_it_was(database):
     controller = Controller(database, count=2, settings=queries.SETTINGS)
     before = controller.stages.projection
