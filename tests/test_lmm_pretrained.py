@@ -1,0 +1,71 @@
+"""The networks that ship belong to the data, the schema and the version that the project makes today."""
+
+from __future__ import annotations
+
+from importlib import metadata
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from lmm import pretrained
+from lmm.model import Model
+from mm.build import build
+from mm.controller import Controller
+from mm.database import Database
+from motion.cli import main as motion
+from motion.errors import UserError
+
+REMAKE = "the networks that ship were trained on other data: remake them with `make pretrained`"
+
+
+@pytest.fixture(scope="module")
+def database(tmp_path_factory) -> Database:
+    """As `make demo` builds it."""
+    folder = tmp_path_factory.mktemp("dancecard")
+    result = CliRunner().invoke(motion, ["dancecard", "-o", str(folder)], catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    return build([folder], tags=folder / "tags.csv")
+
+
+def test_they_are_of_the_data_that_the_generator_makes(database):
+    model = Model.load("dancecard")
+    try:
+        model.check(database)
+    except UserError as error:
+        pytest.fail(f"{REMAKE} ({error})")
+    assert model.training["version"] == metadata.version("motion-matching"), REMAKE
+    assert model.decompressor.weight_type == "float16"
+
+
+def test_they_reproduce_the_poses(database):
+    from lmm.evaluation import decompressor
+
+    model = Model.load("dancecard")
+    found = decompressor.errors(model, database, model.latents(database))
+    assert found["position_cm"]["mean"] < 1.0, REMAKE
+
+
+def test_they_drive_a_character_without_any_database():
+    from lmm.controller import controller
+
+    model = Model.load("dancecard")
+    system = controller(model)
+    assert isinstance(system, Controller) and system.database is None
+    from mm.control import Command
+
+    command = Command.still(1)
+    command.velocity[:] = (0.0, 1.4)
+    for _ in range(240):
+        poses = system.step(command)
+    assert poses.positions[0, 0, 2] == pytest.approx(1.4 * 4, abs=1.0)
+    assert np.isfinite(poses.rotations).all()
+
+
+def test_a_file_of_the_same_name_comes_first(tmp_path, monkeypatch):
+    assert "dancecard" in pretrained.names()
+    monkeypatch.chdir(tmp_path)
+    assert pretrained.find("dancecard").is_file()
+    (tmp_path / "dancecard").write_text("mine")
+    assert str(pretrained.find("dancecard")) == "dancecard"
+    assert str(pretrained.find("other.lmm")) == "other.lmm"
