@@ -282,6 +282,9 @@ def test_a_stopped_training_is_not_written_over(tmp_path: Path) -> None:
 def test_without_a_checkpoint_there_is_nothing_to_go_on_from(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"fit.checkpoint: there is no checkpoint .*; begin without --resume"):
         _train(tmp_path / "fit", _stages(), resume=True)
+    (tmp_path / "fit").write_bytes(b"done")
+    with pytest.raises(UserError, match=r"go on from, the model is there already; begin anew without"):
+        _train(tmp_path / "fit", _stages(), resume=True)
 
 
 def test_a_cut_or_foreign_checkpoint_is_refused(tmp_path: Path) -> None:

@@ -62,8 +62,9 @@ class Checkpoint:
     def load(path: Path) -> Checkpoint:
         """Read one. Errors: see `motion.files.load`."""
         if files.kind(path) is None:
-            what = "there is no checkpoint to go on from"
-            raise UserError(what, path=path, remedy="begin without --resume")
+            done = files.kind(path.with_suffix("")) == "file"
+            what = "there is no checkpoint to go on from" + ", the model is there already" * done
+            raise UserError(what, path=path, remedy=f"begin{' anew' * done} without --resume")
         try:
             metadata, arrays, _ = files.load(path, KIND, VERSION)
         except UserError as error:
