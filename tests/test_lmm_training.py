@@ -14,7 +14,7 @@ from lmm import stages  # noqa: E402
 from lmm.model import Model  # noqa: E402
 from lmm.training import settings as settings_of  # noqa: E402
 from lmm.training.checkpoint import Checkpoint  # noqa: E402
-from lmm.training.data import Data, spread  # noqa: E402
+from lmm.training.data import Data, floored, spread  # noqa: E402
 from lmm.training.decompressor import DecompressorStage  # noqa: E402
 from lmm.training.networks import Perceptron  # noqa: E402
 from lmm.training.projector import ProjectorStage  # noqa: E402
@@ -49,7 +49,8 @@ def test_training_writes_a_model_that_knows_the_data(database, trained, tmp_path
     trained.check(database)
     assert np.isfinite(trained.latents(database)).all()
     errors = trained.errors["decompressor"]
-    assert set(errors) == {"training", "held_out"}
+    for stage in ("decompressor", "stepper", "projector"):
+        assert set(trained.errors[stage]) == {"training", "held_out"}, stage
     layout = trained.layout
     mean = layout.pack(database).mean(axis=0, keepdims=True).repeat(len(database), axis=0)
     data = Data(database, trained.held_out)
@@ -127,7 +128,7 @@ def test_answers_of_the_projector_are_searched_among_what_it_may_know(database):
     stage = ProjectorStage(data, chosen, first)
     stage.begin()
     of_range = database.ranges()
-    for queries, frames in (stage._real, stage._made, stage._judged):
+    for queries, frames in (stage._real, stage._made, *stage._judged.values()):
         assert len(queries) == len(frames) > 0
         assert not {database.names[r] for r in np.unique(of_range[frames])} & set(held)
         ends = database.stops[of_range[frames]] - queries.ignore_end
@@ -184,6 +185,12 @@ def test_a_network_of_torch_and_the_stored_one_agree(activation):
     x = rng.standard_normal((50, 7)).astype(np.float32)
     np.testing.assert_allclose(module.evaluate(x), module.network().evaluate(x), atol=2e-6)
     assert np.all(module.evaluate(x)[:, 1] == numbers["output_mean"][1])
+
+
+def test_inputs_that_hardly_vary_are_not_blown_up():
+    std = np.array([1.0, 2.0, 1e-4, 0.0, 0.02, 0.04], np.float32)
+    mean = (1.0 + 2.0 + 1e-4) / 3
+    np.testing.assert_allclose(floored(std, 4), [1.0, 2.0, 0.1 * mean, 0.0, 0.02, 0.04], rtol=1e-6)
 
 
 def test_columns_that_do_not_vary_have_no_spread():

@@ -82,6 +82,18 @@ class Data:
         return tuple(part for part in PARTS if len(self.frames[part]))
 
 
+def floored(std: Array, *widths: int) -> Array:
+    """Deviations of inputs [C], none below a tenth of its block's mean; blocks begin at widths.
+
+    What hardly varies in the clips that are trained on may vary more in others.
+    """
+    out = std.copy()
+    for block in np.split(out, widths):
+        if (block > 0).any():
+            block[block > 0] = np.maximum(block[block > 0], 0.1 * block[block > 0].mean())
+    return out
+
+
 def spread(values: Array) -> tuple[Array, Array]:
     """Mean and standard deviation of columns [T, ..], float32; 0 where a column is constant."""
     mean, std = values.mean(axis=0, dtype=np.float64), values.std(axis=0, dtype=np.float64)

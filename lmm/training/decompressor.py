@@ -82,7 +82,8 @@ class DecompressorStage:
         out, start = np.zeros_like(std), 0
         for size in sizes:
             block = std[start : start + size]
-            out[start : start + size] = np.where(block > 0, block.mean() if size else 0, 0)
+            if (block > 0).any():
+                out[start : start + size] = np.where(block > 0, block[block > 0].mean(), 0)
             start += size
         return out
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import contextlib
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -56,9 +57,9 @@ class Perceptron(nn.Module):
         return self.inner(x) * self.output_std + self.output_mean
 
     def evaluate(self, x: NDArray[np.float32], chunk: int = 8192) -> NDArray[np.float32]:
-        """Outputs of many inputs [N, ..], in pieces."""
+        """Outputs of many inputs [N, ..], in pieces, as precise as when they run."""
         device = self.input_mean.device
-        with torch.no_grad():
+        with torch.no_grad(), precision("highest"):
             found = [self(torch.from_numpy(x[i : i + chunk]).to(device)) for i in range(0, len(x), chunk)]
         return torch.cat(found).cpu().numpy()
 
@@ -73,6 +74,17 @@ class Perceptron(nn.Module):
             biases=tuple(_array(layer.bias) for layer in layers),
             activation=self.activation,
         )
+
+
+@contextlib.contextmanager
+def precision(name: str) -> Iterator[None]:
+    """Torch's precision of float32 products, put back after."""
+    before = torch.get_float32_matmul_precision()
+    torch.set_float32_matmul_precision(name)
+    try:
+        yield
+    finally:
+        torch.set_float32_matmul_precision(before)
 
 
 def _array(tensor: Tensor) -> NDArray[np.float32]:

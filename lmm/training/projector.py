@@ -9,11 +9,13 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from lmm.evaluation.projector import distances
+from lmm.frames import projector_inputs
 from mm import queries as recorded
 from mm.queries import Queries
 
 from .checkpoint import Errors
-from .data import Data, spread
+from .data import Data, floored, spread
 from .decompressor import DecompressorStage
 from .networks import Perceptron
 from .randomness import generator
@@ -59,28 +61,40 @@ class ProjectorStage:
         width = data.features.shape[1]
         asked = np.array([0.5] * bool(self._tag), np.float32)
         self.projector.normalise(
-            input_mean=np.concatenate([mean[:width], asked]), input_std=np.concatenate([std[:width], asked]),
-            output_mean=mean, output_std=std,
-        )  # fmt: skip
+            input_mean=np.concatenate([mean[:width], asked]),
+            input_std=np.concatenate([floored(std[:width]), asked]),
+            output_mean=mean,
+            output_std=std,
+        )
         self.projector.to(self._all.device)
         self._tensor = torch.from_numpy(self._states).to(self._all.device)
         self._features_std = data.features[train].std(axis=0)
+        playing = recorded.SETTINGS
+        fps = data.database.fps
+        self._limits = round(playing.ignore_radius * fps), round(playing.ignore_end * fps)
         self._index = recorded.index_of(
             data.database, ranges=data.ranges["training"], threads=torch.get_num_threads()
         )
         seed = self._all.seed
         # Seeds of random users; those that judge are never trained on.
-        self._judged = self._answered(recorded.record(data.database, JUDGED, seed=2 * seed + 1))
+        judging = self._answered(self._record(JUDGED, 2 * seed + 1))
+        self._judged = {"training": judging}
+        if "held_out" in data.parts():
+            self._judged["held_out"] = self._answered(self._make(JUDGED, judging, "held_out"))
         if self._all.recipe == "ours":
             count = min(max(self.settings.iterations * self.settings.batch // REUSE, FEWEST), MOST)
-            self._real = self._answered(recorded.record(data.database, count, seed=2 * seed))
-            self._made = self._answered(self._make(count))
+            self._real = self._answered(self._record(count, 2 * seed))
+            self._made = self._answered(self._make(count, self._real, "training"))
 
-    def _make(self, count: int) -> Queries:
-        """Queries like recorded ones anywhere in the data: rows with the residuals of recorded queries."""
-        draw, (real, frames) = generator(self._all.seed, "made queries"), self._real
+    def _record(self, count: int, seed: int) -> Queries:
+        """What a crowd asks that plays the clips that are trained on, and no others."""
+        return recorded.record(self._data.database, count, seed=seed, index=self._index)
+
+    def _make(self, count: int, like: tuple[Queries, NDArray[np.int64]], part: str) -> Queries:
+        """Queries like recorded ones anywhere in a part: rows with the residuals of recorded queries."""
+        draw, (real, frames) = generator(self._all.seed, f"made queries, {part}"), like
         residual = real.features - self._data.features[frames]
-        train = self._data.frames["training"]
+        train = self._data.frames[part]
         rows = train[draw.integers(0, len(train), count)].astype(np.int32)
         size = draw.uniform(0, LARGEST, (count, 1)).astype(np.float32)
         features = self._data.features[rows] + size * residual[draw.integers(0, len(residual), count)]
@@ -102,10 +116,7 @@ class ProjectorStage:
 
     def _inputs(self, queries: Queries) -> Array:
         """What the network sees of queries."""
-        if not self._tag:
-            return queries.features
-        asked = ((queries.required & np.uint32(self._tag)) != 0).astype(np.float32)
-        return np.hstack([queries.features, asked[:, None]])
+        return projector_inputs(queries.features, self._tag, queries.required)
 
     def _batch(self, iteration: int) -> tuple[Array, NDArray[np.int64]]:
         """Inputs and answers of an iteration."""
@@ -132,7 +143,7 @@ class ProjectorStage:
         bound = np.full(count, np.inf, np.float32)
         return Queries(
             (self._data.features[rows] + noise).astype(np.float32), nothing, bound, tag,
-            np.uint32(self._tag) & ~tag, self._judged[0].radius, self._judged[0].ignore_end,
+            np.uint32(self._tag) & ~tag, *self._limits,
         )  # fmt: skip
 
     def loss(self, iteration: int) -> Mapping[str, Tensor]:
@@ -149,29 +160,32 @@ class ProjectorStage:
         }
 
     def evaluate(self) -> Errors:
-        """On recorded queries of a user that is not trained on: ``error_cm`` of the pose that is found,
-        median ``regret`` (distance of the answer / of the true neighbour), and the ``latent`` error in units
-        of the latents' spread."""
-        queries, frames = self._judged
+        """On recorded queries of a user that is not trained on, and on queries made like them at clips that
+        are held out: ``error_cm`` of the pose that is found, median ``regret`` (distance of the answer / of
+        the true neighbour, which is a frame that is trained on), and the ``latent`` error in units of the
+        latents' spread."""
+        return {part: self._errors(*judged) for part, judged in self._judged.items() if len(judged[0])}
+
+    def _errors(self, queries: Queries, frames: NDArray[np.int64]) -> dict[str, float]:
         width = self._data.features.shape[1]
         states, truth = self.projector.evaluate(self._inputs(queries)), self._states[frames]
         vectors = self._before.decompressor.evaluate(states)
-        asked, best = (
-            np.linalg.norm(found[:, :width] - queries.features, axis=1) for found in (states, truth)
+        asked, best = states[:, :width], truth[:, :width]
+        schema = self._data.database.schema
+        regret = distances(schema, queries.features, asked) / np.maximum(
+            distances(schema, queries.features, best), 1e-6
         )
         latents = self._states[:, width:]
         spread_of = np.linalg.norm(latents - latents.mean(axis=0), axis=1).mean()
         wrong = np.linalg.norm((states - truth)[:, width:], axis=1).mean()
         return {
-            "training": {
-                "error_cm": float(self._before.joint_errors(vectors, frames).mean()),
-                "regret": float(np.median(asked / np.maximum(best, 1e-6))),
-                "latent": float(wrong / max(spread_of, 1e-6)),
-            }
+            "error_cm": float(self._before.joint_errors(vectors, frames).mean()),
+            "regret": float(np.median(regret)),
+            "latent": float(wrong / max(spread_of, 1e-6)),
         }
 
 
 def _crouch_tag(data: Data) -> int:
     from mm.description import Description
 
-    return int(Description.of(data.database).crouch_tag)
+    return int(Description.of(data.database, rigs=False).crouch_tag)

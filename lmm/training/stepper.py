@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from .checkpoint import Errors
-from .data import Data, spread
+from .data import Data, floored, spread
 from .decompressor import DecompressorStage
 from .networks import Perceptron
 from .randomness import generator
@@ -44,15 +44,19 @@ class StepperStage:
         mean, std = spread(self._states[train])
         rates = (self._states[steps + 1] - self._states[steps]) * np.float32(fps)
         rate_mean, rate_std = spread(rates)
-        self.stepper.normalise(input_mean=mean, input_std=std, output_mean=rate_mean, output_std=rate_std)
+        self.stepper.normalise(
+            input_mean=mean, input_std=floored(std, data.features.shape[1]), output_mean=rate_mean,
+            output_std=rate_std,
+        )  # fmt: skip
         self.stepper.to(self._all.device)
         self._tensor = torch.from_numpy(self._states).to(self._all.device)
         self._starts = data.starts(self.settings.window)
         self._horizons = [h for h in HORIZONS if h < data.longest()] or [1]
+        self._last = (data.database.stops - 1)[data.database.ranges()]
         self._samples = {
             part: found
             for part in data.parts()
-            if len(found := data.sample(JUDGED, part, window=self._horizons[-1] + 1))
+            if len(found := data.sample(JUDGED, part, window=self._horizons[0] + 1))
         }
 
     def loss(self, iteration: int) -> Mapping[str, Tensor]:
@@ -83,8 +87,11 @@ class StepperStage:
             for frame in range(1, self._horizons[-1] + 1):
                 states = states + self.stepper.evaluate(states) / np.float32(self._data.database.fps)
                 if frame in self._horizons:
-                    vectors = self._before.decompressor.evaluate(states)
-                    error = float(self._before.joint_errors(vectors, frames + frame).mean())
+                    on = frames + frame <= self._last[frames]
+                    if not on.any():
+                        break
+                    vectors = self._before.decompressor.evaluate(states[on])
+                    error = float(self._before.joint_errors(vectors, frames[on] + frame).mean())
                     errors["error_cm" if frame == self._horizons[0] else f"after_{frame}_cm"] = error
             found[part] = errors
         return found
