@@ -1,8 +1,8 @@
-# make demo   the main job: motion matching measured on generated clips   make test   the tests
+# make demo   the main job: all systems measured on generated clips       make test   the tests
 # make lint   formatter, linter, type checker, import checker             make clean  all that these made
 # make pretrained   train the networks that ship, on generated clips (an hour or two)
 #
-# make demo DATA=FOLDER measures it on your own clips.
+# make demo DATA=FOLDER measures motion matching on your own clips; SYSTEMS= takes all search indexes.
 #
 # Each makes its own .venv first, with nothing but Python 3.11 or later; the second time that costs nothing.
 
@@ -10,6 +10,8 @@ DANCE := out/dancecard
 DATA ?= $(DANCE)
 ifeq ($(DATA),$(DANCE))
 TAGS ?= $(DANCE)/tags.csv
+MODEL ?= dancecard
+SYSTEMS ?= mm-exact,mm-exact-free,lmm
 endif
 # Clips of CMU by their usual folder.
 ifneq ($(filter %cmu/asfamc,$(patsubst %/,%,$(DATA))),)
@@ -38,7 +40,8 @@ ifeq ($(DATA),$(DANCE))
 endif
 	@test -e "$(DATA)" || { \
 	  echo "error: no clips at $(DATA); say where yours are: make demo DATA=FOLDER (BVH or ASF/AMC)" >&2; exit 2; }
-	$(BIN)/python -m bench compare "$(DATA)" $(if $(TAGS),--tags "$(TAGS)") $(foreach pattern,$(EXCLUDE),--exclude '$(pattern)') -o "$(OUT)"
+	$(BIN)/python -m bench compare "$(DATA)" $(if $(TAGS),--tags "$(TAGS)") $(if $(MODEL),--model "$(MODEL)") \
+	  $(if $(SYSTEMS),--systems "$(SYSTEMS)") $(foreach pattern,$(EXCLUDE),--exclude '$(pattern)') -o "$(OUT)"
 
 # Their fingerprints are checked by tests/test_lmm_pretrained.py.
 PRETRAINED := out/pretrained
