@@ -24,7 +24,8 @@ def commands(*arguments: str) -> list[list[str]]:
     environment = {k: v for k, v in os.environ.items() if k not in ("MAKEFLAGS", "MFLAGS", "DATA", "EXCLUDE")}
     command = ["make", "--dry-run", "--no-print-directory", "demo", *arguments]
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
-    return [shlex.split(line) for line in done.stdout.splitlines() if " -m " in line]
+    lines = done.stdout.replace("\\\n", "").splitlines()
+    return [shlex.split(line) for line in lines if " -m " in line]
 
 
 def excluded(*arguments: str) -> list[str]:
@@ -37,10 +38,12 @@ def test_the_demo_needs_no_data() -> None:
     dance, compare = ([w for w in words if not w.endswith("/python")] for words in commands()[-2:])
     assert dance == ["-m", "motion", "dancecard", "-o", "out/dancecard"]
     assert compare[:4] == ["-m", "bench", "compare", "out/dancecard"] and excluded() == []
+    assert compare[compare.index("--model") + 1] == "dancecard"
 
 
 def test_other_clips_are_all_taken_unless_told() -> None:
     assert excluded("DATA=elsewhere") == []
+    assert "--model" not in commands("DATA=elsewhere")[-1]  # those networks know other data
     assert excluded("DATA=elsewhere", "EXCLUDE=a* b") == ["a*", "b"]
 
 
