@@ -133,9 +133,9 @@ def test_answers_of_the_projector_are_searched_among_what_it_may_know(database):
         assert not {database.names[r] for r in np.unique(of_range[frames])} & set(held)
         ends = database.stops[of_range[frames]] - queries.ignore_end
         assert (frames < ends).all()
-    queries, frames = stage._made
-    near = np.abs(queries.current - frames) < queries.radius
-    assert not near.any()
+    queries, frames = stage._judged["training"]
+    assert (np.abs(queries.current - frames) >= queries.radius).all()
+    assert (stage._made[0].current == stage._real[0].current[0]).all() and stage._made[0].current[0] == -1
     # Brute force agrees on a sample.
     allowed = np.isin(of_range, np.flatnonzero(data.ranges["training"]))
     allowed &= np.arange(len(database)) < (database.stops - queries.ignore_end)[of_range]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -39,6 +40,12 @@ class ProjectorStage:
     The published recipe asks for rows with much noise. Ours has half of its queries from a driven crowd, and
     makes the others of rows and residuals of recorded queries, so that noise is of the size and kind that a
     controller's queries have (see `mm.queries.noise`).
+
+    Of the controller's exclusions ours learns the ends of clips and the tags, but not the frames around the
+    current one, which a network is not told. Were they left out, a query that the present pose answers best
+    would have to be answered by some other clip, neighbouring queries by different ones, and the network by
+    the mean of them, which glides. An answer near the present state is no transition, since it costs as much.
+    Judged it is by all of them.
     """
 
     name = "projector"
@@ -83,8 +90,8 @@ class ProjectorStage:
             self._judged["held_out"] = self._answered(self._make(JUDGED, judging, "held_out"))
         if self._all.recipe == "ours":
             count = min(max(self.settings.iterations * self.settings.batch // REUSE, FEWEST), MOST)
-            self._real = self._answered(self._record(count, 2 * seed))
-            self._made = self._answered(self._make(count, self._real, "training"))
+            self._real = self._answered(_anywhere(self._record(count, 2 * seed)))
+            self._made = self._answered(_anywhere(self._make(count, self._real, "training")))
 
     def _record(self, count: int, seed: int) -> Queries:
         """What a crowd asks that plays the clips that are trained on, and no others."""
@@ -183,6 +190,11 @@ class ProjectorStage:
             "regret": float(np.median(regret)),
             "latent": float(wrong / max(spread_of, 1e-6)),
         }
+
+
+def _anywhere(queries: Queries) -> Queries:
+    """Queries whose answers may lie near the frame that played."""
+    return replace(queries, current=np.full(len(queries), -1, np.int32))
 
 
 def _crouch_tag(data: Data) -> int:
