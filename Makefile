@@ -1,6 +1,6 @@
 # make demo   the main job: all systems measured on generated clips       make test   the tests
 # make lint   formatter, linter, type checker, import checker             make clean  all that these made
-# make pretrained   train the networks that ship, on generated clips (an hour or two)
+# make pretrained   train the networks that ship, on generated clips (half an hour)
 #
 # make demo DATA=FOLDER measures motion matching on your own clips; SYSTEMS= takes all search indexes.
 #
@@ -45,7 +45,7 @@ endif
 
 # Their fingerprints are checked by tests/test_lmm_pretrained.py.
 PRETRAINED := out/pretrained
-PRESET ?= full
+PRESET ?= quick
 pretrained: $(DEV)
 	$(BIN)/python -m motion dancecard -o "$(PRETRAINED)/dancecard"
 	$(BIN)/python -m mm build "$(PRETRAINED)/dancecard" --tags "$(PRETRAINED)/dancecard/tags.csv" -o "$(PRETRAINED)/dancecard.mmdb"
