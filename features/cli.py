@@ -9,7 +9,6 @@ import click
 from motion import config, console, files
 
 from . import presets
-from .schema import Schema
 
 
 @console.group("features", "What a frame looks like to a search: feature schemas.")
@@ -26,7 +25,7 @@ def main() -> None:
 @console.json_option
 def schema(name: str, output: Path | None, as_json: bool) -> None:
     """Print a schema as TOML, with its columns. NAME is a ready-made schema or a TOML file."""
-    found = Schema.load(name)
+    found = presets.load(name)
     if output is not None:
         files.check_output(output, inputs=[None if name in presets.names() else name])
         found.save(output)

@@ -4,22 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motion.errors import UserError
 
-if TYPE_CHECKING:
-    from .extract import Context
+from .context import Context
 
-Function = Callable[["Context"], NDArray[np.floating]]
+Function = Callable[[Context], NDArray[np.floating]]
 
 
 @dataclass(frozen=True)
 class Custom:
-    """A registered callable: takes `features.extract.Context` of T frames, returns [T, len(columns)]."""
+    """A registered callable: takes `features.context.Context` of T frames, returns [T, len(columns)]."""
 
     function: Function
     columns: tuple[str, ...]

@@ -1,10 +1,13 @@
-"""Ready-made schemas."""
+"""Ready-made schemas, and finding one by its name or file."""
 
 from __future__ import annotations
 
+import os
 from functools import cache
+from pathlib import Path
 from typing import Any
 
+from motion import config, files
 from motion.config import choices
 from motion.errors import UserError
 
@@ -22,6 +25,16 @@ def get(name: str) -> Schema:
     if name not in _BUILDERS:
         raise UserError(f"no schema {name!r}", remedy=choices(_BUILDERS))
     return _BUILDERS[name]()
+
+
+def load(name_or_path: str | os.PathLike[str]) -> Schema:
+    """A ready-made schema by name, or one of a TOML file."""
+    if str(name_or_path) in names():
+        return get(str(name_or_path))
+    path = Path(name_or_path)
+    if not path.suffix and files.kind(path) is None:
+        raise UserError(f"no schema {str(name_or_path)!r}", remedy=f"{choices(names())}, or give a TOML file")
+    return config.load(Schema, path)
 
 
 def _lmm27(name: str = "lmm27", beyond: Beyond = "clamp") -> Schema:

@@ -7,7 +7,6 @@ import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -15,7 +14,6 @@ from numpy.typing import NDArray
 
 from motion import config, files
 from motion.config import ConfigError, choices
-from motion.errors import UserError
 from motion.roles import ROLES
 
 from . import custom
@@ -262,19 +260,6 @@ class Schema:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write as TOML, atomically."""
         config.dump(self.to_dict(), path)
-
-    @staticmethod
-    def load(name_or_path: str | os.PathLike[str]) -> Schema:
-        """A preset by name (`features.presets.names`) or a TOML file."""
-        from . import presets
-
-        if str(name_or_path) in presets.names():
-            return presets.get(str(name_or_path))
-        path = Path(name_or_path)
-        if not path.suffix and files.kind(path) is None:
-            remedy = f"{choices(presets.names())}, or give a TOML file"
-            raise UserError(f"no schema {str(name_or_path)!r}", remedy=remedy)
-        return config.load(Schema, path)
 
 
 def _differs(value: Any, default: Any) -> bool:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from features import presets
 from features.schema import Schema
 from motion import contacts as contact_detection
 from motion import facts, resample, root, sources
@@ -100,7 +101,7 @@ def build(
         raise UserError(
             "a skeleton and roles only exclude each other", remedy="leave --skeleton or --roles-only out"
         )
-    schema = schema if isinstance(schema, Schema) else Schema.load(schema)
+    schema = schema if isinstance(schema, Schema) else presets.load(schema)
     rules = tagging.load(tags) if tags is not None else ()
     common = facts.of_all(
         fps=source_fps,

@@ -315,6 +315,7 @@ def import_directory(
     roles : role to joint name, or a TOML file of them; needed for joints that the names do not tell.
     fps : the frame rate of the frames.
     """
+    from features import presets
     from features.schema import Schema
 
     from . import parts
@@ -331,7 +332,7 @@ def import_directory(
         )
     raw = read_database(folder / "database.bin")
     if not isinstance(schema, Schema):
-        schema = Schema.load(schema)
+        schema = presets.load(schema)
     skeleton = _skeleton(raw, names, roles, folder / "database.bin")
     parts.check_roles(schema, skeleton, folder / "database.bin")
     poses, contacts, contact_roles = _motion(raw, skeleton, fps)

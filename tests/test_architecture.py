@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import configparser
 import importlib
 import re
@@ -9,6 +10,7 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import click
@@ -62,6 +64,32 @@ def test_the_command_starts_without_slow_libraries(package: str) -> None:
 def test_what_is_told_of_a_training_needs_no_torch() -> None:
     names = [f"lmm.training.{name}" for name in ("settings", "split", "log", "curves", "checkpoint")]
     assert not set(EXTRAS) & set(imported_by("import " + ", ".join(names)))
+
+
+def neighbours(package: str) -> dict[str, set[str]]:
+    """Modules of a package, and which others of it each imports: at the top, in a function, or for types."""
+    files = {path.relative_to(ROOT).with_suffix(""): path for path in (ROOT / package).rglob("*.py")}
+    modules = {".".join(place.parts).removesuffix(".__init__"): path for place, path in files.items()}
+    found: dict[str, set[str]] = {}
+    for name, path in modules.items():
+        parts = name.split(".") if path.name == "__init__.py" else name.split(".")[:-1]
+        imported = set()
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Import):
+                imported |= {alias.name for alias in node.names}
+            elif isinstance(node, ast.ImportFrom):
+                above = parts[: len(parts) - node.level + 1] if node.level else []
+                base = ".".join([*above, *([node.module] if node.module else [])])
+                imported |= {one if (one := f"{base}.{a.name}") in modules else base for a in node.names}
+        found[name] = imported & modules.keys() - {name}
+    return found
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_no_module_is_imported_by_what_it_imports(package: str) -> None:
+    graph = neighbours(package)
+    assert sum(map(len, graph.values())) >= len(graph) / 2
+    list(TopologicalSorter(graph).static_order())  # a CycleError names the modules of a circle
 
 
 def test_import_rules_and_metadata_cover_every_package() -> None:

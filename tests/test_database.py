@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import synthetic
 
-from features.schema import Schema
+from features import presets
 from mm.database import KIND, VERSION, Database
 from motion import files
 from motion.errors import UserError
@@ -18,7 +18,7 @@ from motion.pose import Poses
 def _database(frames: int = 30) -> Database:
     """Random numbers in the right shapes: storage does not care what they mean."""
     rng = np.random.default_rng(2)
-    skeleton, schema = synthetic.skeleton(), Schema.load("lmm27")
+    skeleton, schema = synthetic.skeleton(), presets.load("lmm27")
 
     def numbers(*shape: int) -> np.ndarray:
         return rng.standard_normal(shape).astype(np.float32)

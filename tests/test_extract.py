@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from features import custom, extract, normalise
+from features import custom, extract, normalise, presets
+from features.context import Context
 from features.schema import Feature, Schema, register
 from motion import kinematics, quat
 from motion.errors import UserError
@@ -201,7 +202,7 @@ def test_joints_agree_with_kinematics_in_the_world(seed):
 @settings(deadline=None, max_examples=25)
 @given(st.integers(0, 1000), st.floats(-3, 3), st.floats(-50, 50), st.floats(-50, 50))
 def test_features_do_not_know_where_in_the_world_they_are(seed, angle, x, z):
-    schema = Schema.load("o3de59")
+    schema = presets.load("o3de59")
     poses, turn = random_poses(seed), quat.from_yaw(angle)
     moved = poses.copy()
     moved.positions[:, 0] = quat.rotate(turn, poses.positions[:, 0]) + np.array([x, 0, z])
@@ -212,7 +213,7 @@ def test_features_do_not_know_where_in_the_world_they_are(seed, angle, x, z):
 
 
 def test_chunks_leave_no_seam(monkeypatch):
-    schema = Schema.load("o3de59")
+    schema = presets.load("o3de59")
     poses = circle(60, 5.0)
     whole = ground(schema, poses, starts=(0, 130), stops=(130, 300))
     monkeypatch.setattr(extract, "CHUNK", 37)
@@ -232,7 +233,7 @@ def test_a_missing_role_names_feature_role_and_joints():
 )
 def test_ranges_must_cover_the_frames(starts, stops):
     with pytest.raises(ValueError, match="do not cover 6 frames"):
-        ground(Schema.load("lmm27"), circle(60, 0.1), starts=starts, stops=stops)
+        ground(presets.load("lmm27"), circle(60, 0.1), starts=starts, stops=stops)
 
 
 class TestCustom:
@@ -249,7 +250,7 @@ class TestCustom:
         return ground(Schema("c", (Feature("m", "custom", function="mine"),)), circle(60, 1.0))
 
     def test_sees_what_the_other_features_see(self, monkeypatch):
-        def stride(context: extract.Context) -> np.ndarray:
+        def stride(context: Context) -> np.ndarray:
             assert context.rotation("left_foot").shape == (len(context), 4)
             ahead = context.trajectory_positions([0.5])[:, 0, 1]
             return np.stack([context.position("left_foot")[:, 2], ahead], -1)
@@ -264,7 +265,7 @@ class TestCustom:
             self.run(lambda context: np.zeros((len(context), 3)), monkeypatch)
 
     def test_numbers_that_are_not_finite_are_told(self, monkeypatch):
-        def broken(context: extract.Context) -> np.ndarray:
+        def broken(context: Context) -> np.ndarray:
             frames = np.arange(context.frames.start, context.frames.stop, dtype=float)
             frames[frames == 21] = np.nan
             return np.stack([frames, frames], -1)
@@ -304,7 +305,7 @@ def oracle(data):
 
 def test_equals_the_public_reference(oracle):
     skeleton, poses, starts, stops, (expected, offset, scale) = oracle
-    schema = Schema.load("lmm27")
+    schema = presets.load("lmm27")
     raw = extract.extract(schema, skeleton, 60, poses, starts, stops)
     ours = normalise.fit(schema, raw)
     np.testing.assert_allclose(ours[0], offset, atol=5e-6)

@@ -6,6 +6,7 @@ import json
 
 import pytest
 
+from features import presets
 from features.cli import main
 from features.schema import Schema
 
@@ -21,8 +22,8 @@ def test_what_it_prints_is_a_schema_file(capsys, tmp_path, name):
     code, out, _ = run(capsys, "schema", name)
     assert code == 0
     (tmp_path / "a.toml").write_text(out)
-    assert Schema.load(tmp_path / "a.toml") == Schema.load(name)
-    assert all(column in out for column in Schema.load(name).columns)
+    assert presets.load(tmp_path / "a.toml") == presets.load(name)
+    assert all(column in out for column in presets.load(name).columns)
 
 
 def test_writes_a_file(capsys, tmp_path):
@@ -33,7 +34,7 @@ def test_writes_a_file(capsys, tmp_path):
 def test_json(capsys):
     found = json.loads(run(capsys, "schema", "lmm27", "--json")[1])
     assert found["size"] == len(found["columns"]) == 27
-    assert Schema.from_dict({key: found[key] for key in ("name", "features")}) == Schema.load("lmm27")
+    assert Schema.from_dict({key: found[key] for key in ("name", "features")}) == presets.load("lmm27")
     listed = [row["schema"] for row in json.loads(run(capsys, "list", "--json")[1])]
     assert listed[:2] == ["mm27", "lmm27"] and "o3de59" in listed
     assert "lmm27" in run(capsys, "list")[1]

@@ -7,10 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from features import presets
 from features.normalise import costs, denormalise, fit, normalise, total_costs
 from features.schema import Feature, Schema
 
-LMM, O3DE = Schema.load("lmm27"), Schema.load("o3de59")
+LMM, O3DE = presets.load("lmm27"), presets.load("o3de59")
 
 
 def rows(schema: Schema, count: int = 200, seed: int = 0) -> np.ndarray:

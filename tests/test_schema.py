@@ -24,7 +24,7 @@ def registry():
 
 
 def test_lmm27_has_the_published_columns_in_order():
-    schema = Schema.load("lmm27")
+    schema = presets.load("lmm27")
     expected = [
         f"{joint}.{kind}.{axis}"
         for joint, kind in (
@@ -53,7 +53,7 @@ def test_lmm27_has_the_published_columns_in_order():
 
 
 def test_quadruped39_has_four_feet_and_mm27s_trajectory():
-    schema, two = Schema.load("quadruped39"), Schema.load("mm27")
+    schema, two = presets.load("quadruped39"), presets.load("mm27")
     assert schema.size == 39 and schema.columns[24:] == two.columns[12:]
     assert schema.features[8:] == two.features[4:]
     assert schema.roles() == ("left_foot", "right_foot", "left_hand", "right_hand", "hips")
@@ -61,7 +61,7 @@ def test_quadruped39_has_four_feet_and_mm27s_trajectory():
 
 
 def test_o3de59_has_the_published_blocks():
-    schema = Schema.load("o3de59")
+    schema = presets.load("o3de59")
     assert schema.size == 59
     assert not schema.euclidean
     assert len(schema.trajectory_columns()) == 44
@@ -76,21 +76,21 @@ def test_o3de59_has_the_published_blocks():
 
 @pytest.mark.parametrize("name", presets.names())
 def test_presets_cover_their_columns_and_survive_toml(name, tmp_path):
-    schema = Schema.load(name)
+    schema = presets.load(name)
     covered = np.concatenate([np.arange(schema.size)[part] for part in schema.slices.values()])
     assert covered.tolist() == list(range(schema.size))
     both = np.concatenate([schema.pose_columns(), schema.trajectory_columns()])
     assert sorted(both.tolist()) == list(range(schema.size))
     schema.save(tmp_path / "schema.toml")
-    again = Schema.load(tmp_path / "schema.toml")
+    again = presets.load(tmp_path / "schema.toml")
     assert again == schema
     assert again.fingerprint == schema.fingerprint
 
 
 def test_fingerprint_tells_schemas_apart():
-    lmm = Schema.load("lmm27")
+    lmm = presets.load("lmm27")
     changed = Schema.from_dict({**lmm.to_dict(), "features": lmm.to_dict()["features"][:-1]})
-    assert len({lmm.fingerprint, changed.fingerprint, Schema.load("o3de59").fingerprint}) == 3
+    assert len({lmm.fingerprint, changed.fingerprint, presets.load("o3de59").fingerprint}) == 3
 
 
 joint_features = st.builds(
@@ -155,7 +155,7 @@ times = [0.5, 1.0]
 
 def test_height_is_one_column(tmp_path):
     (tmp_path / "a.toml").write_text(GOOD)
-    schema = Schema.load(tmp_path / "a.toml")
+    schema = presets.load(tmp_path / "a.toml")
     assert schema.columns[:2] == ("head.height", "trajectory.position[+0.500].x")
 
 
@@ -206,7 +206,7 @@ def test_a_bad_schema_names_the_key_and_the_choices(tmp_path, registry, old, new
     path = tmp_path / "bad.toml"
     path.write_text(GOOD.replace(old, new))
     with pytest.raises(UserError) as caught:
-        Schema.load(path)
+        presets.load(path)
     assert caught.value.path == str(path)
     assert caught.value.line == line
     for part in parts:
@@ -230,9 +230,9 @@ def test_a_schema_in_code_is_checked_too():
 
 def test_an_unknown_name_lists_the_presets(tmp_path):
     with pytest.raises(UserError, match="no schema 'lmm28'; choose from mm27, lmm27, "):
-        Schema.load("lmm28")
+        presets.load("lmm28")
     with pytest.raises(UserError, match="cannot read"):
-        Schema.load(tmp_path / "none.toml")
+        presets.load(tmp_path / "none.toml")
 
 
 def test_custom_columns_travel_with_the_description(registry):

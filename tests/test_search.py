@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from features import presets
 from features.normalise import total_costs
 from features.schema import Feature, Schema
 from mm import search
@@ -278,7 +279,7 @@ def mixed() -> Schema:
 
 
 @pytest.mark.parametrize("make", [random, smooth, duplicates, close])
-@pytest.mark.parametrize("schema", [absolute(), mixed(), Schema.load("o3de59")], ids=lambda s: s.name)
+@pytest.mark.parametrize("schema", [absolute(), mixed(), presets.load("o3de59")], ids=lambda s: s.name)
 def test_other_costs_are_searched_exactly(make, schema):
     rng = np.random.default_rng(9)
     features = make(rng, 3000, schema.size)

@@ -205,13 +205,13 @@ def _roles() -> Target:
 
 
 def _schema() -> Target:
-    from features.schema import Schema
+    from features import presets
 
-    target = _toml(b"", Schema.load, "features/schema.py")
-    presets = lambda: [  # noqa: E731
-        documents.written(Schema.load(name).save) for name in ("mm27", "lmm27", "o3de59", "quadruped39")
+    target = _toml(b"", presets.load, "features/schema.py")
+    ready_made = lambda: [  # noqa: E731
+        documents.written(presets.load(name).save) for name in ("mm27", "lmm27", "o3de59", "quadruped39")
     ]
-    return Target(".toml", presets, target.read, target.check, target.modules, target.words)
+    return Target(".toml", ready_made, target.read, target.check, target.modules, target.words)
 
 
 def _settings() -> Target:
@@ -259,12 +259,12 @@ def _names() -> Target:
 
 
 def _small_database(**roles: int) -> Database:
-    from features.schema import Schema
+    from features import presets
     from mm.database import Database
     from motion.pose import Poses
 
     parents, rotations = documents.chain()
-    frames, joints, schema = *rotations.shape[:2], Schema.load("lmm27")
+    frames, joints, schema = *rotations.shape[:2], presets.load("lmm27")
     roles = {"root": 0, "hips": 1, "left_foot": 2, "right_foot": 3, **roles}
     skeleton = Skeleton(("root", "h", "l", "r"), np.array(parents), np.ones((joints, 3)), roles)
     vectors = np.zeros((frames, joints, 3), np.float32)
