@@ -8,7 +8,18 @@ from typing import Any
 import numba
 import numpy as np
 
-from .lanes import GROUP, PANEL, SHORT, TALL, active_times_panels, panel_to_floats, rows_times_panel
+from .lanes import (
+    GROUP,
+    PANEL,
+    SHORT,
+    TALL,
+    active_times_panels,
+    panel_to_floats,
+    round_to_pairs,
+    rows_times_pairs,
+    rows_times_panel,
+)
+from .tiles import TALL_TILES, TILE, close_tiles, open_tiles, tiles_times_pairs
 
 _jit = numba.njit(cache=True, nogil=True, error_model="numpy")
 
@@ -32,9 +43,7 @@ def evaluate(x, layers, weights, numbers, columns, elu, rows_between, panel, act
     few = FEW if weights.itemsize == 4 else FEW_COMPACT
     for start in range(0, count, block):
         rows = min(block, count - start)
-        for n in range(rows):
-            for i in range(inputs):
-                work[n * width + i] = (x[start + n, i] - numbers[i]) / numbers[inputs + i]
+        _normalise(x, start, rows, numbers, inputs, work, width)
         from_, to = 0, block * width
         for layer in range(last + 1):
             rectify = 1 if layer < last and not elu else 0
@@ -47,14 +56,75 @@ def evaluate(x, layers, weights, numbers, columns, elu, rows_between, panel, act
             else:
                 _many_rows(layers[layer], weights, numbers, work, from_, rows, width, rectify, panel, to)
             if layer < last and elu:
-                for n in range(rows):
-                    for k in range(to + n * width, to + n * width + layers[layer, 1] * PANEL):
-                        if work[k] <= 0:
-                            work[k] = math.expm1(work[k])
+                _elu(work, to, rows, width, layers[layer, 1] * PANEL)
             from_, to = to, from_
-        for n in range(rows):
-            for v in range(len(columns)):
-                y[start + n, columns[v]] = work[from_ + n * width + v]
+        _put(work, from_, rows, width, columns, y, start)
+
+
+@_jit
+def evaluate_pairs(tiles, x, layers, weights, numbers, columns, elu, rows_between, panel, active, y):
+    """As `evaluate`, of weights in pairs (`lmm.lanes`): inputs of every layer are rounded to bfloat16.
+
+    tiles: whether the process may use the processor's matrix tiles (`lmm.tiles`).
+    """
+    count, last = len(x), len(layers) - 1
+    block, width = rows_between.shape[1], rows_between.shape[2]
+    work = rows_between.reshape(rows_between.size)
+    pairs, listed, few = work.view(np.uint32), panel.view(np.uint32), 1 if tiles else FEW
+    if tiles:
+        open_tiles()
+    for start in range(0, count, block):
+        rows = min(block, count - start)
+        _normalise(x, start, rows, numbers, 2 * layers[0, 0], work, width)
+        from_, to = 0, block * width
+        for layer in range(last + 1):
+            rectify = 1 if layer < last and not elu else 0
+            for n in range(rows):
+                row = work.ctypes.data + 4 * (from_ + n * width)
+                round_to_pairs(row, row, layers[layer, 0])
+            if rows <= few:
+                for n in range(rows):
+                    _one_row(
+                        layers[layer], weights, numbers, pairs[from_ + n * width :], rectify, active, listed,
+                        work[to + n * width :],
+                    )  # fmt: skip
+            else:
+                _many_rows_of_pairs(
+                    layers[layer], weights, numbers, work, from_, rows, width, rectify, tiles, to
+                )
+            if layer < last and elu:
+                _elu(work, to, rows, width, layers[layer, 1] * PANEL)
+            from_, to = to, from_
+        _put(work, from_, rows, width, columns, y, start)
+    if tiles:
+        close_tiles()
+
+
+@_jit
+def _normalise(x, start, rows, numbers, padded, work, width):
+    """Rows from start on of x [N, I], each in units of its column's deviation, and 0 up to padded columns."""
+    inputs = x.shape[1]
+    for n in range(rows):
+        for i in range(inputs):
+            work[n * width + i] = (x[start + n, i] - numbers[i]) / numbers[inputs + i]
+        for i in range(inputs, padded):
+            work[n * width + i] = 0
+
+
+@_jit
+def _elu(work, at, rows, width, count):
+    for n in range(rows):
+        for k in range(at + n * width, at + n * width + count):
+            if work[k] <= 0:
+                work[k] = math.expm1(work[k])
+
+
+@_jit
+def _put(work, at, rows, width, columns, y, start):
+    """Rows that begin at a place of work to columns [V] of y, from row start on."""
+    for n in range(rows):
+        for v in range(len(columns)):
+            y[start + n, columns[v]] = work[at + n * width + v]
 
 
 @_jit
@@ -119,6 +189,40 @@ def _many_rows(layer, weights, numbers, work, from_, rows, width, rectify, float
             else:
                 rows_times_panel(
                     SHORT, x, width, panel, stride, inputs, scale + place, bias + place, rectify, y, width
+                )
+                n += SHORT
+
+
+@_jit
+def _many_rows_of_pairs(layer, weights, numbers, work, from_, rows, width, rectify, tiles, to):
+    """As `_many_rows`, of pairs; rows beyond go up to a multiple of TILE where there are tiles."""
+    pairs, panels, first, scale = layer[0], layer[1], layer[2], numbers.ctypes.data + 4 * layer[3]
+    bias = scale + 4 * panels * PANEL
+    for p in range(panels):
+        at, stride = _panel(first, pairs, panels, p)
+        panel = weights.ctypes.data + 4 * at
+        place, n = 4 * p * PANEL, 0
+        while n < rows:
+            x = work.ctypes.data + 4 * (from_ + n * width)
+            y = work.ctypes.data + 4 * (to + n * width) + place
+            if tiles and n + TILE < rows:
+                tiles_times_pairs(
+                    TALL_TILES, x, width, panel, stride, pairs, scale + place, bias + place, rectify, y, width
+                )
+                n += TALL_TILES
+            elif tiles:
+                tiles_times_pairs(
+                    TILE, x, width, panel, stride, pairs, scale + place, bias + place, rectify, y, width
+                )
+                n += TILE
+            elif n + TALL <= rows:
+                rows_times_pairs(
+                    TALL, x, width, panel, stride, pairs, scale + place, bias + place, rectify, y, width
+                )
+                n += TALL
+            else:
+                rows_times_pairs(
+                    SHORT, x, width, panel, stride, pairs, scale + place, bias + place, rectify, y, width
                 )
                 n += SHORT
 

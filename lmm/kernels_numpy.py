@@ -7,24 +7,44 @@ import numpy as np
 from .lanes import GROUP, PANEL
 from .layout import Layout
 from .network import elu as elu_of
+from .network import to_bfloat16
 
 
 def evaluate(x, layers, weights, numbers, columns, elu, rows_between, panel, active, y):
     """See `lmm.kernels.evaluate`."""
-    inputs, last = x.shape[1], len(layers) - 1
     stored = weights.view(np.float16) if weights.dtype == np.uint16 else weights
+    matrices = [_matrix(stored, *layer[:3]) for layer in layers]
+    _layers(x, matrices, layers, numbers, columns, elu, lambda h: h, y)
+
+
+def evaluate_pairs(tiles, x, layers, weights, numbers, columns, elu, rows_between, panel, active, y):
+    """See `lmm.kernels.evaluate_pairs`."""
+    matrices = []
+    for layer in layers:
+        pairs = _matrix(weights, *layer[:3])
+        both = np.stack([pairs << 16, pairs & 0xFFFF0000], axis=1)
+        matrices.append(both.reshape(2 * len(pairs), pairs.shape[1]).view(np.float32))
+    _layers(x, matrices, layers, numbers, columns, elu, to_bfloat16, y)
+
+
+def _matrix(stored, depth, panels, first):
+    """A layer's weights [depth, 32 panels] out of its groups."""
+    stop, step = first + depth * panels * PANEL, depth * GROUP * PANEL
+    groups = [
+        stored[start : min(start + step, stop)].reshape(depth, -1) for start in range(first, stop, step)
+    ]
+    return np.concatenate([np.zeros((depth, 0), stored.dtype), *groups], axis=1)
+
+
+def _layers(x, matrices, layers, numbers, columns, elu, rounded, y):
+    """Write what layers make of x to columns of y; rounded is what happens to every layer's inputs."""
+    inputs, last = x.shape[1], len(layers) - 1
     h = (x - numbers[:inputs]) / numbers[inputs : 2 * inputs]
-    for layer, (depth, panels, first, scale) in enumerate(layers):
-        width = panels * PANEL
-        starts = range(first, first + depth * width, depth * GROUP * PANEL)
-        groups = [
-            stored[start : min(start + depth * GROUP * PANEL, first + depth * width)] for start in starts
-        ]
-        matrix = np.concatenate(
-            [np.zeros((depth, 0)), *(group.reshape(depth, -1) for group in groups)], axis=1, dtype=np.float32
-        )
+    for layer, matrix in enumerate(matrices):
+        scale, width = layers[layer, 3], matrix.shape[1]
         scales, biases = numbers[scale : scale + 2 * width].reshape(2, width)
-        h = h[:, :depth] @ matrix * scales + biases
+        depth = min(h.shape[1], len(matrix))  # what pads either is 0
+        h = rounded(h[:, :depth]) @ matrix[:depth].astype(np.float32) * scales + biases
         if layer < last:
             h = elu_of(h) if elu else np.maximum(h, 0)
     y[:, columns] = h[:, : len(columns)]

@@ -5,11 +5,16 @@ Weights are float32, half floats seen as uint16, or int8. They are read in panel
 side by side in groups: strides count weights from one input to the next. Half floats become floats by the
 processor's own instruction where the compiler may use one, elsewhere by shifts and a product, which is exact.
 Addresses are those of contiguous arrays (`array.ctypes.data`).
+
+Two bfloat16 inputs that stand side by side in 32 bits, the first in the lower ones, are a pair. Inputs and
+weights (uint32) in pairs go through the processor's own product of two pairs, which is added to a float;
+what is said of an input then holds of a pair. `lmm.tiles` multiplies more of them at a time.
 """
 
 from __future__ import annotations
 
 import platform
+from collections.abc import Callable
 from typing import Any
 
 from llvmlite import binding, ir
@@ -26,7 +31,7 @@ config: Any = numba_config  # whose settings come from the environment
 
 _BYTE, _SHORT, _INT, _LONG = (ir.IntType(bits) for bits in (8, 16, 32, 64))
 _FLOAT, _HALF = ir.FloatType(), ir.HalfType()
-_STORED = {"float32": _FLOAT, "uint16": _HALF, "int8": _BYTE}
+_STORED = {"float32": _FLOAT, "uint16": _HALF, "int8": _BYTE, "uint32": _INT}
 _FLOATS, _INTS = ir.VectorType(_FLOAT, LANES), ir.VectorType(_INT, LANES)
 _FUSED = ("contract",)  # a product and a sum may be rounded once
 
@@ -43,10 +48,11 @@ def features() -> set[str]:
 
 # 32 registers of 16 floats hold the sums of 12 rows by 32 outputs; smaller sets those of 2.
 TALL, SHORT = (12, 4) if "avx512f" in features() else (2, 2)
+MULTIPLIES_PAIRS = "avx512bf16" in features()
 _CONVERTS_HALVES = "f16c" in features() or platform.machine().lower() in ("aarch64", "arm64")
 
 
-def _long(value: int) -> Any:
+def long(value: int) -> Any:
     return ir.Constant(_LONG, value)
 
 
@@ -61,52 +67,66 @@ def _constant(value: float) -> Any:
     return ir.Constant(_FLOATS, [value] * LANES)
 
 
+def _ints(value: int) -> Any:
+    return ir.Constant(_INTS, [value] * LANES)
+
+
 def _pointer(b: Any, address: Any, index: Any, kind: Any) -> Any:
     """To the number at an index."""
     return b.gep(b.inttoptr(address, kind.as_pointer()), [index])
 
 
-def _load(b: Any, address: Any, index: Any, stored: str = "float32") -> Any:
-    """16 numbers that begin at an index, as floats."""
+def load(b: Any, address: Any, index: Any, stored: str = "float32") -> Any:
+    """16 numbers that begin at an index, as floats, or pairs as they are."""
     kind = _STORED[stored]
     half = stored == "uint16" and not _CONVERTS_HALVES
     vector = ir.VectorType(_SHORT if half else kind, LANES)
-    load = b.load(b.bitcast(_pointer(b, address, index, kind), vector.as_pointer()))
-    load.align = 1 if stored == "int8" else 2 if stored == "uint16" else 4
+    numbers = b.load(b.bitcast(_pointer(b, address, index, kind), vector.as_pointer()))
+    numbers.align = 1 if stored == "int8" else 2 if stored == "uint16" else 4
     if half:
-        return _widen(b, load)
+        return _widen(b, numbers)
     if stored == "uint16":
-        return b.fpext(load, _FLOATS)
-    return b.sitofp(load, _FLOATS) if stored == "int8" else load
+        return b.fpext(numbers, _FLOATS)
+    return b.sitofp(numbers, _FLOATS) if stored == "int8" else numbers
 
 
 def _widen(b: Any, halves: Any) -> Any:
     """Finite half floats, as 16-bit integers, to floats: exponents differ by 112."""
     bits = b.zext(halves, _INTS)
-
-    def all_lanes(value: int) -> Any:
-        return ir.Constant(_INTS, [value] * LANES)
-
-    size = b.shl(b.and_(bits, all_lanes(0x7FFF)), all_lanes(13))
+    size = b.shl(b.and_(bits, _ints(0x7FFF)), _ints(13))
     size = b.fmul(b.bitcast(size, _FLOATS), _constant(2.0**112))
-    sign = b.shl(b.and_(bits, all_lanes(0x8000)), all_lanes(16))
+    sign = b.shl(b.and_(bits, _ints(0x8000)), _ints(16))
     return b.bitcast(b.or_(b.bitcast(size, _INTS), sign), _FLOATS)
 
 
-def _store(b: Any, value: Any, address: Any, index: Any) -> None:
+def _round(b: Any, floats: Any) -> Any:
+    """Floats to the nearest bfloat16, and of two the even one, as integers; NaN stays NaN."""
+    bits = b.bitcast(floats, _INTS)
+    up = b.add(_ints(0x7FFF), b.and_(b.lshr(bits, _ints(16)), _ints(1)))
+    nearest = b.lshr(b.add(bits, up), _ints(16))
+    return b.select(b.fcmp_unordered("uno", floats, floats), _ints(0x7FC0), nearest)
+
+
+def store(b: Any, value: Any, address: Any, index: Any) -> None:
+    """Write 16 floats to where an index says."""
     pointer = b.bitcast(_pointer(b, address, index, _FLOAT), _FLOATS.as_pointer())
     b.store(value, pointer).align = 4
 
 
 def _add_product(b: Any, total: Any, x: Any, y: Any) -> Any:
+    """total + x y, of floats or of pairs."""
+    if x.type == _INTS:  # what LLVM calls pairs has changed; it takes integers for either
+        kind = ir.FunctionType(_FLOATS, [_FLOATS, _INTS, _INTS])
+        dot = cgutils.get_or_insert_function(b.module, kind, "llvm.x86.avx512bf16.dpbf16ps.512")
+        return b.call(dot, [total, x, y])
     return b.fadd(total, b.fmul(x, y, flags=_FUSED), flags=_FUSED)
 
 
-def _finish(b: Any, total: Any, scale: Any, bias: Any, rectify: Any) -> Any:
+def finish(b: Any, total: Any, scale: Any, bias: Any, rectify: Any) -> Any:
     """total * scale + bias, and 0 where that is negative if rectify is not 0; NaN stays NaN."""
     y = _add_product(b, bias, total, scale)
     negative = b.fcmp_ordered("<", y, _constant(0.0))
-    wanted = b.icmp_signed("!=", rectify, _long(0))
+    wanted = b.icmp_signed("!=", rectify, long(0))
     return b.select(wanted, b.select(negative, _constant(0.0), y), y)
 
 
@@ -117,6 +137,16 @@ def rows_times_panel(context, rows, x, x_stride, panel, stride, inputs, scale, b
     rows is a constant; strides count floats from row to row, of the panel from input to input. Negative
     results become 0 where rectify is 1.
     """
+    return _rows_times(rows, "float32")
+
+
+@intrinsic(prefer_literal=True)
+def rows_times_pairs(context, rows, x, x_stride, panel, stride, pairs, scale, bias, rectify, y, y_stride):
+    """As `rows_times_panel`, of x [rows, pairs] and a panel [pairs, 32] of pairs."""
+    return _rows_times(rows, "uint32")
+
+
+def _rows_times(rows: Any, stored: str) -> tuple[Any, Callable[..., Any]]:
     count = rows.literal_value
 
     def generate(context: Any, b: Any, _signature: Any, arguments: Any) -> Any:
@@ -126,19 +156,19 @@ def rows_times_panel(context, rows, x, x_stride, panel, stride, inputs, scale, b
         totals = [[cgutils.alloca_once_value(b, _constant(0.0)) for _ in range(2)] for _ in range(count)]
         with cgutils.for_range(b, inputs) as loop:
             first = b.mul(loop.index, stride)
-            halves = [_load(b, panel, b.add(first, _long(LANES * half))) for half in range(2)]
+            halves = [load(b, panel, b.add(first, long(LANES * half)), stored) for half in range(2)]
             for row in range(count):
                 b.call(fence, [])
-                at = b.add(b.mul(x_stride, _long(row)), loop.index)
-                value = _splat(b, b.load(_pointer(b, x, at, _FLOAT)))
+                at = b.add(b.mul(x_stride, long(row)), loop.index)
+                value = _splat(b, b.load(_pointer(b, x, at, _STORED[stored])))
                 for total, half in zip(totals[row], halves, strict=True):
                     b.store(_add_product(b, b.load(total), value, half), total)
         for half in range(2):
-            column = _long(LANES * half)
-            scales, biases = _load(b, scale, column), _load(b, bias, column)
+            column = long(LANES * half)
+            scales, biases = load(b, scale, column), load(b, bias, column)
             for row in range(count):
-                value = _finish(b, b.load(totals[row][half]), scales, biases, rectify)
-                _store(b, value, y, b.add(b.mul(y_stride, _long(row)), column))
+                value = finish(b, b.load(totals[row][half]), scales, biases, rectify)
+                store(b, value, y, b.add(b.mul(y_stride, long(row)), column))
         return context.get_dummy_value()
 
     address = types.intp
@@ -152,7 +182,7 @@ def active_times_panels(
     """Write the sum of values [count] times rows indices [count] of panels, times scale, plus bias, to y.
 
     The panels, a constant number of them, begin at number first of weights; indices are int32, all else
-    floats. Inputs that are 0 are simply not listed.
+    floats, but for values that are pairs where the weights are. Inputs that are 0 are simply not listed.
     """
     width, stored = panels.literal_value, str(weights.dtype)
 
@@ -164,14 +194,14 @@ def active_times_panels(
         with cgutils.for_range(b, count) as loop:
             row = b.sext(b.load(_pointer(b, indices, loop.index, _INT)), _LONG)
             at = b.add(first, b.mul(row, stride))
-            value = _splat(b, b.load(_pointer(b, values, loop.index, _FLOAT)))
+            value = _splat(b, b.load(_pointer(b, values, loop.index, _INT if stored == "uint32" else _FLOAT)))
             for place, total in enumerate(totals):
-                weight = _load(b, base, b.add(at, _long(LANES * place)), stored)
+                weight = load(b, base, b.add(at, long(LANES * place)), stored)
                 b.store(_add_product(b, b.load(total), value, weight), total)
         for place, total in enumerate(totals):
-            column = _long(LANES * place)
-            scales, biases = _load(b, scale, column), _load(b, bias, column)
-            _store(b, _finish(b, b.load(total), scales, biases, rectify), y, column)
+            column = long(LANES * place)
+            scales, biases = load(b, scale, column), load(b, bias, column)
+            store(b, finish(b, b.load(total), scales, biases, rectify), y, column)
         return context.get_dummy_value()
 
     address = types.intp
@@ -188,9 +218,30 @@ def panel_to_floats(context, weights, first, stride, inputs, floats):
         array = context.make_array(signature.args[0])(context, b, weights)
         base = b.ptrtoint(array.data, _LONG)
         with cgutils.for_range(b, inputs) as loop:
-            at, to = b.add(first, b.mul(loop.index, stride)), b.mul(loop.index, _long(PANEL))
-            for half in (_long(0), _long(LANES)):
-                _store(b, _load(b, base, b.add(at, half), stored), floats, b.add(to, half))
+            at, to = b.add(first, b.mul(loop.index, stride)), b.mul(loop.index, long(PANEL))
+            for half in (long(0), long(LANES)):
+                store(b, load(b, base, b.add(at, half), stored), floats, b.add(to, half))
         return context.get_dummy_value()
 
     return types.none(weights, *[types.intp] * 4), generate
+
+
+@intrinsic
+def round_to_pairs(context, floats, pairs, count):
+    """Write floats [2 count], to the nearest bfloat16 and of two the even one, to pairs; 16 divides count.
+
+    Both may begin at the same address.
+    """
+
+    def generate(context: Any, b: Any, _signature: Any, arguments: Any) -> Any:
+        floats, pairs, count = arguments
+        shorts = ir.VectorType(_SHORT, LANES)
+        with cgutils.for_range(b, b.sdiv(count, long(LANES))) as loop:
+            places = [b.add(b.mul(loop.index, long(PANEL)), long(LANES * half)) for half in range(2)]
+            values = [_round(b, load(b, floats, place)) for place in places]
+            for place, value in zip(places, values, strict=True):
+                to = b.bitcast(_pointer(b, pairs, place, _SHORT), shorts.as_pointer())
+                b.store(b.trunc(value, shorts), to).align = 4
+        return context.get_dummy_value()
+
+    return types.none(*[types.intp] * 3), generate

@@ -151,3 +151,10 @@ class Network:
 def elu(x: Array) -> Array:
     """x where positive, else exp(x) - 1."""
     return np.where(x > 0, x, np.expm1(np.minimum(x, 0)))
+
+
+def to_bfloat16(x: Array) -> Array:
+    """x with 8 significant bits: the nearest such numbers, of two the one whose last bit is 0."""
+    bits = np.array(x, np.float32, order="C").view(np.uint32)
+    nearest = (bits + np.uint32(0x7FFF) + (bits >> 16 & 1)) & np.uint32(0xFFFF0000)
+    return np.where(np.isnan(x), np.float32(np.nan), nearest.view(np.float32))

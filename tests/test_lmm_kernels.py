@@ -12,12 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lmm import kernels, kernels_numpy
+from lmm import kernels, kernels_numpy, lanes, tiles
 from lmm.evaluator import Evaluator
 from lmm.interchange import read_network
 from lmm.layout import Layout
-from lmm.network import Network
+from lmm.network import Network, to_bfloat16
 from motion import quat
+from motion.errors import UserError
 from motion.pose import Poses
 
 TYPES = ("float32", "float16", "int8")
@@ -141,6 +142,121 @@ def test_public_networks_give_the_public_outputs(data, name, compiled):
         np.testing.assert_allclose(evaluator.evaluate(x[rows]), expected[rows], rtol=1e-5, atol=2e-5)
 
 
+@pytest.fixture(params=["tiles", "pairs", "twin"])
+def bfloat16(request, monkeypatch):
+    """Evaluates a network by bfloat16 products, in every way in which this processor can."""
+    if request.param != "twin" and not lanes.MULTIPLIES_PAIRS:
+        pytest.skip("this processor does not multiply bfloat16 numbers")
+    if request.param == "tiles" and not tiles.permitted():
+        pytest.skip("this process may not use matrix tiles")
+    monkeypatch.setattr(tiles, "permitted", lambda: request.param == "tiles")
+    return lambda network: Evaluator(network, products="bfloat16", compiled=request.param != "twin")
+
+
+def rounded(x: np.ndarray) -> np.ndarray:
+    """To 8 significant bits by what a number is, not by its bits."""
+    part, exponent = np.frexp(np.asarray(x, np.float64))
+    return np.ldexp(np.rint(256 * part), exponent - 8)
+
+
+def test_rounding_to_bfloat16_is_to_the_nearest_even_number():
+    rng = np.random.default_rng(0)
+    x = (rng.normal(size=10**4) * 10.0 ** rng.uniform(-30, 30, 10**4)).astype(np.float32)
+    ties = np.arange(-999, 999, dtype=np.float32) + 0.5  # between 128 and 256 halfway
+    for values in (x, ties, np.float32([0, -0.0, np.inf, -np.inf, np.nan])):
+        found = to_bfloat16(values)
+        np.testing.assert_array_equal(found, rounded(values))
+        assert found.dtype == np.float32 and not np.any(found.view(np.uint32) & 0xFFFF)
+    assert np.signbit(to_bfloat16(np.float32([-0.0]))).all()
+
+
+def expected_of_bfloat16(network: Network, x: np.ndarray) -> np.ndarray:
+    """The network's outputs, inputs of its layers and weights rounded, all else as it is."""
+    x = ((x - network.input_mean) / network.input_std).astype(np.float32)
+    for layer, (weight, scale) in enumerate(zip(network.weights, network.scales, strict=True)):
+        if layer:
+            x = np.maximum(x, 0) if network.activation == "relu" else np.where(x > 0, x, np.expm1(x))
+        x = (rounded(x) @ rounded(weight) * (1 if scale is None else scale)).astype(np.float32)
+        x += network.biases[layer]
+    return x * network.output_std + network.output_mean
+
+
+@pytest.mark.parametrize("weight_type", TYPES)
+@pytest.mark.parametrize("activation", ["relu", "elu"])
+@pytest.mark.parametrize("sizes", SIZES, ids=lambda sizes: "-".join(map(str, sizes)))
+def test_bfloat16_products_equal_the_formula(bfloat16, sizes, activation, weight_type):
+    network = random_network(sizes, activation=activation).as_type(weight_type)
+    evaluator = bfloat16(network)
+    for count in (1, 2, 15, 17, kernels.BLOCK + 1, 2 * kernels.BLOCK + 37):
+        x = inputs(network, count)
+        expected = expected_of_bfloat16(network, x)
+        apart = np.abs(evaluator.evaluate(x) - expected)
+        # Sums differ by their order, and now and then that decides which way an input is rounded.
+        assert np.median(apart) < 1e-6 and apart.max() < (2e-5 if len(sizes) == 2 else 1e-2)
+        assert np.median(np.abs(expected - network.evaluate(x))) > 5e-4  # as float32 products would be
+
+
+@pytest.mark.parametrize("sizes", [(37, 41), (37, 45, 70, 41)])
+def test_bfloat16_products_are_exact_where_nothing_is_rounded(bfloat16, sizes):
+    """Small multiples of 1/8 need few bits, and their sums are the same in any order."""
+    rng = np.random.default_rng(0)
+    network = random_network(sizes)
+    weights = [rng.integers(-1, 2, w.shape).astype(np.float32) / 2 for w in network.weights]
+    ones, noughts = np.ones, np.zeros
+    network = Network(
+        noughts(37, np.float32), ones(37, np.float32), noughts(41, np.float32), ones(41, np.float32),
+        tuple(weights), (None,) * len(weights), tuple(noughts(o, np.float32) for o in sizes[1:]), "relu",
+    )  # fmt: skip
+    for count in (1, 3, 16, 50, 200):
+        x = rng.integers(-4, 5, (count, 37)).astype(np.float32)
+        expected = network.evaluate(x.astype(np.float64))
+        np.testing.assert_array_equal(bfloat16(network).evaluate(x), expected)
+
+
+def test_a_row_of_bfloat16_products_gives_the_same_wherever_it_stands(bfloat16):
+    network = random_network((59, 256, 256, 90))
+    evaluator = bfloat16(network)
+    x = inputs(network, 1024)
+    many = evaluator.evaluate(x).copy()
+    np.testing.assert_array_equal(evaluator.evaluate(np.ascontiguousarray(x[::-1]))[-1], many[0])
+    for row in (0, 500, 1023):
+        np.testing.assert_allclose(evaluator.evaluate(x[row : row + 1])[0], many[row], atol=1e-2)
+
+
+@pytest.mark.parametrize("count", [1, 30])
+def test_bfloat16_products_do_not_hide_what_is_not_finite(bfloat16, count):
+    network = random_network((6, 40, 5))
+    x = inputs(network, count)
+    for bad in (np.nan, np.uint32(0x7FFFFFFF).view(np.float32), np.uint32(0xFFFFFFFF).view(np.float32)):
+        x[-1, 2] = bad
+        evaluator = bfloat16(network)
+        evaluator.evaluate(np.full((40, 6), np.nan, np.float32))  # what is left of it does not matter
+        y = evaluator.evaluate(x)
+        assert np.isnan(y[-1]).all() and np.isfinite(y[:-1]).all()
+
+
+def test_bfloat16_products_of_a_network_without_anything_that_varies(bfloat16):
+    network = replace(random_network((4, 8, 6)), output_std=np.zeros(6, np.float32))
+    found = bfloat16(network).evaluate(inputs(network, 9))
+    np.testing.assert_array_equal(found, [network.output_mean] * 9)
+    assert bfloat16(network).evaluate(np.zeros((0, 4), np.float32)).shape == (0, 6)
+
+
+def test_bfloat16_products_read_two_bytes_a_weight(bfloat16):
+    network = random_network((64, 512, 512, 64))
+    assert Evaluator(network).nbytes - bfloat16(network).nbytes == 2 * (64 * 512 * 2 + 512 * 512)
+
+
+def test_products_that_do_not_exist_or_that_the_processor_lacks_are_refused(monkeypatch):
+    network = random_network((3, 4))
+    with pytest.raises(UserError, match=r"no products of type 'int4'.*float32, bfloat16"):
+        Evaluator(network, products="int4")
+    monkeypatch.setattr(lanes, "MULTIPLIES_PAIRS", False)
+    with pytest.raises(UserError, match=r"does not multiply bfloat16 numbers.*float32"):
+        Evaluator(network, products="bfloat16")
+    Evaluator(network, products="bfloat16", compiled=False)
+
+
 def test_processors_without_wide_vectors_or_half_floats_give_the_same(tmp_path):
     """As numba compiles for any processor of this kind: it may use neither instruction."""
     script = """
@@ -157,7 +273,12 @@ network = t.replace(network, weights=(tiny, *network.weights[1:]))
 for count in (1, 40):
     x = t.inputs(network, count)
     np.testing.assert_allclose(Evaluator(network).evaluate(x), network.evaluate(x), atol=2e-5)
-print("same")
+try:
+    Evaluator(network, products="bfloat16")
+except t.UserError as error:
+    assert "does not multiply bfloat16" in str(error)
+    assert not t.tiles.permitted()
+    print("same")
 """
     if sys.platform != "linux" or os.uname().machine != "x86_64":
         pytest.skip("half floats are converted by every processor of this kind")
