@@ -247,12 +247,12 @@ def networks(
     MODEL is what `lmm train` wrote, or a folder of networks in the public reference's format. Beside our
     kernels stand NumPy and a loop compiled as the public C++ is written, both with float32 weights: of_numpy
     and of_loop are ours as a share of theirs. "frame" is all networks, the projector in one frame of six.
+    Weights of bfloat16 are multiplied as such; float16 and int8 become float32 first.
     """
     from . import networks as measured
 
     subject = measured.load(model, None if database is None else _load(database))
-    chosen = {} if weights is None else {"weights": weights}
-    rows = measured.measure(subject, counts=counts, repeats=repeats, progress=True, **chosen)
+    rows = measured.measure(subject, counts=counts, weights=weights, repeats=repeats, progress=True)
     if as_json:
         console.print_json(rows)
     else:

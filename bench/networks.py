@@ -13,7 +13,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from lmm.evaluator import Evaluator
+from lmm.evaluator import Evaluator, Products, products_here
 from lmm.interchange import RUNTIME, import_directory, read_network
 from lmm.model import Model
 from lmm.network import Network, WeightType
@@ -26,6 +26,7 @@ from . import timing
 
 Array = NDArray[np.float32]
 KERNELS = ("ours", "numpy", "loop")
+WEIGHTS = (*get_args(WeightType), "bfloat16")
 INTERVAL = 6  # frames from projection to projection
 SAMPLE = 2048  # inputs that errors are measured on
 LEAST = 0.05  # seconds of measuring each number
@@ -76,25 +77,26 @@ def measure(
     subject: Subject,
     *,
     counts: Sequence[int] = (1, 16, 256, 1024),
-    weights: Sequence[str] = get_args(WeightType),
+    weights: Sequence[str] | None = None,
     repeats: int = 5,
     progress: bool = False,
 ) -> list[dict[str, Any]]:
     """Rows of each network, and of all of them in a frame with a projection in every six; one pinned thread.
 
     kernel: ours (`lmm.evaluator`), numpy (its twin) or loop (compiled as the public reference's C++ is
-    written, one character at a time). mb as it stands in memory; error_max and error_mean against float32,
+    written, one character at a time). weights: how they are stored, or bfloat16 for products of such numbers;
+    None for all that this processor can. mb as it stands in memory; error_max and error_mean against float32,
     in standard deviations of the outputs; error_cm and error_max_cm of joints after forward
     kinematics, for decompressors whose skeleton is known. us_N: microseconds a character among N, the best
     of repeats; of_loop_N, of_numpy_N: the share of what theirs take for float32 weights.
 
     NumPy takes as many threads as its library is told to: set OPENBLAS_NUM_THREADS=1 to compare.
     """
-    unknown = [name for name in weights if name not in get_args(WeightType)]
+    if weights is None:
+        weights = [name for name in WEIGHTS if name != "bfloat16" or name in products_here()]
+    unknown = [name for name in weights if name not in WEIGHTS]
     if unknown:
-        raise UserError(
-            f"no weights of type {unknown[0]!r}", remedy=f"choose of {', '.join(get_args(WeightType))}"
-        )
+        raise UserError(f"no weights of type {unknown[0]!r}", remedy=f"choose of {', '.join(WEIGHTS)}")
     kinds = [("ours", name) for name in weights] + [("numpy", "float32"), ("loop", "float32")]
     jobs = [(name, *kind) for name in subject.networks for kind in kinds]
     rows = []
@@ -124,8 +126,8 @@ def _row(
     subject: Subject, name: str, kernel: str, weights: Any, counts: Sequence[int], repeats: int
 ) -> dict[str, Any]:
     exact = subject.networks[name].as_type("float32")
-    network = subject.networks[name].as_type(weights)
-    run, size = _runner(network, kernel)
+    network = exact if weights == "bfloat16" else subject.networks[name].as_type(weights)
+    run, size = _runner(network, kernel, "bfloat16" if weights == "bfloat16" else "float32")
     x = np.ascontiguousarray(np.resize(subject.inputs[name], (max(*counts, SAMPLE), network.sizes[0])))
     expected, found = exact.evaluate(x[:SAMPLE]), run(x[:SAMPLE]).copy()
     columns = exact.output_std > BARELY * exact.output_std.max()
@@ -176,13 +178,13 @@ def _frame(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
     return total
 
 
-def _runner(network: Network, kernel: str) -> tuple[Callable[[Array], Array], int]:
+def _runner(network: Network, kernel: str, products: Products) -> tuple[Callable[[Array], Array], int]:
     """What evaluates a batch, and the bytes that it reads of the network."""
     if kernel == "numpy":
         return network.evaluate, network.nbytes
     if kernel == "loop":
         return Loop(network).evaluate, network.nbytes
-    evaluator = Evaluator(network, count=SAMPLE)
+    evaluator = Evaluator(network, products=products, count=SAMPLE)
     return evaluator.evaluate, evaluator.nbytes
 
 

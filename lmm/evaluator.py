@@ -129,13 +129,20 @@ def _pairs(weights: NDArray[np.float32]) -> NDArray[np.uint32]:
     return bits[0::2] >> np.uint32(16) | bits[1::2]
 
 
+def products_here() -> tuple[str, ...]:
+    """Types of numbers that this processor multiplies."""
+    return get_args(Products) if lanes.MULTIPLIES_PAIRS else ("float32",)
+
+
 def check_products(products: str, *, compiled: bool = True) -> None:
     """A UserError unless numbers of this type can be multiplied here."""
     if products not in get_args(Products):
         remedy = f"choose from {', '.join(get_args(Products))}"
         raise UserError(f"no products of type {products!r}", remedy=remedy)
-    if products == "bfloat16" and compiled and not lanes.MULTIPLIES_PAIRS:
-        raise UserError("this processor does not multiply bfloat16 numbers", remedy="take float32 products")
+    if compiled and products not in products_here():
+        raise UserError(
+            f"this processor does not multiply {products} numbers", remedy="take float32 products"
+        )
 
 
 class Evaluator:

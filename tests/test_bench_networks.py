@@ -11,7 +11,8 @@ from click.testing import CliRunner
 
 from bench import networks
 from bench.cli import main
-from lmm import interchange
+from lmm import interchange, lanes
+from lmm.evaluator import products_here
 
 
 def bench(*arguments, code=0):
@@ -43,6 +44,7 @@ def test_rows_say_what_each_network_costs_and_loses(folder):
         ("ours", "float32"),
         ("ours", "float16"),
         ("ours", "int8"),
+        *([("ours", "bfloat16")] if "bfloat16" in products_here() else []),
         ("numpy", "float32"),
         ("loop", "float32"),
     ]
@@ -56,6 +58,11 @@ def test_rows_say_what_each_network_costs_and_loses(folder):
         assert same["error_mean"] < half["error_mean"] < bytes_["error_mean"] < 0.1
         assert same["mb"] > half["mb"] > bytes_["mb"]
         assert by[name, "numpy", "float32"]["error_max"] == 0
+        if "bfloat16" in products_here():
+            rough = by[name, "ours", "bfloat16"]
+            assert (
+                half["error_mean"] < rough["error_mean"] < bytes_["error_mean"] and rough["mb"] < same["mb"]
+            )
         for count in (1, 5):
             assert same[f"of_loop_{count}"] == pytest.approx(
                 same[f"us_{count}"] / by[name, "loop", "float32"][f"us_{count}"]
@@ -97,13 +104,18 @@ BAD = {
     "a folder without networks": (("{folder}",), "decompressor.bin"),
     "no such database": (("{folder}/walk.lmm", "--database", "{folder}/none"), "No such file"),
     "weights": (("{folder}/walk.lmm", "--weights", "float8"), "no weights of type 'float8'"),
+    "weights that nothing multiplies": (
+        ("{folder}/walk.lmm", "--weights", "bfloat16"),
+        "this processor does not multiply bfloat16 numbers",
+    ),
     "counts": (("{folder}/walk.lmm", "--counts", "0"), "not in the range"),
 }
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_bad_input_is_one_clear_line(case, folder):
+def test_bad_input_is_one_clear_line(case, folder, monkeypatch):
     arguments, expected = BAD[case]
+    monkeypatch.setattr(lanes, "MULTIPLIES_PAIRS", False)
     result = bench(*(argument.format(folder=folder) for argument in arguments), code=2)
     assert result.stderr.startswith("error: ") and result.stderr.count("\n") == 1, result.stderr
     assert expected in result.stderr
