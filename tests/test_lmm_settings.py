@@ -20,7 +20,7 @@ STAGES = ("decompressor", "stepper", "projector")
 @pytest.mark.parametrize("recipe", RECIPES)
 def test_presets_differ_in_length_only_by_order(recipe: str) -> None:
     smoke, quick, full = (preset(recipe, name) for name in PRESETS)
-    for name in STAGES:
+    for name in (*STAGES, "closed_loop") if recipe == "ours" else STAGES:
         stages = [getattr(one, name) for one in (smoke, quick, full)]
         assert stages[0].iterations < 100 < stages[1].iterations < stages[2].iterations
         assert all(stage.evaluate <= stage.iterations for stage in stages)
@@ -34,6 +34,7 @@ def test_the_reference_is_as_published() -> None:
         assert (stage.iterations, stage.batch, stage.learning_rate) == (500_000, 32, 1e-3)
         assert (stage.schedule, stage.optimiser, stage.average, stage.clip) == ("step", "adamw", 0, 0)
         assert (stage.window, stage.hidden) == (window, (512,) * layers)
+    assert found.closed_loop is None and found.stepper_noise == 0
     assert (found.latent, found.compressor, found.precision) == (32, (512, 512, 512), "float32")
 
 

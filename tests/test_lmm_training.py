@@ -14,6 +14,7 @@ from lmm import stages  # noqa: E402
 from lmm.model import Model  # noqa: E402
 from lmm.training import settings as settings_of  # noqa: E402
 from lmm.training.checkpoint import Checkpoint  # noqa: E402
+from lmm.training.closed_loop import ClosedLoopStage  # noqa: E402
 from lmm.training.data import Data, floored, spread  # noqa: E402
 from lmm.training.decompressor import DecompressorStage  # noqa: E402
 from lmm.training.networks import Perceptron  # noqa: E402
@@ -30,6 +31,8 @@ def settings(recipe: str = "ours", **changes: object):
         "stepper": replace(found.stepper, iterations=60, batch=32, hidden=(48, 48), evaluate=30),
         "projector": replace(found.projector, iterations=60, batch=64, hidden=(48, 48), evaluate=30),
     }
+    if found.closed_loop is not None:
+        small["closed_loop"] = replace(found.closed_loop, iterations=40, batch=64, evaluate=20)
     common = {"latent": 8, "compressor": (48, 48), "held_out": 0.3, "threads": 1}
     return replace(found, **(small | common | changes))
 
@@ -49,7 +52,7 @@ def test_training_writes_a_model_that_knows_the_data(database, trained, tmp_path
     trained.check(database)
     assert np.isfinite(trained.latents(database)).all()
     errors = trained.errors["decompressor"]
-    for stage in ("decompressor", "stepper", "projector"):
+    for stage in ("decompressor", "stepper", "projector", "closed_loop"):
         assert set(trained.errors[stage]) == {"training", "held_out"}, stage
     layout = trained.layout
     mean = layout.pack(database).mean(axis=0, keepdims=True).repeat(len(database), axis=0)
@@ -70,7 +73,7 @@ def test_the_same_seed_gives_the_same_model_and_another_another(database, traine
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("stage", ["stepper", "projector", ""])
+@pytest.mark.parametrize("stage", ["stepper", "projector", "closed_loop", ""])
 def test_a_training_goes_on_at_any_stage_to_the_same_model(database, trained, tmp_path, monkeypatch, stage):
     """Stages that are done are not begun again: those that follow must do without."""
     write = Checkpoint.save
@@ -128,12 +131,12 @@ def test_answers_of_the_projector_are_searched_among_what_it_may_know(database):
     stage = ProjectorStage(data, chosen, first)
     stage.begin()
     of_range = database.ranges()
-    for queries, frames in (stage._real, stage._made, *stage._judged.values()):
+    for queries, frames in (stage._real, stage._made, *stage.judged.values()):
         assert len(queries) == len(frames) > 0
         assert not {database.names[r] for r in np.unique(of_range[frames])} & set(held)
         ends = database.stops[of_range[frames]] - queries.ignore_end
         assert (frames < ends).all()
-    queries, frames = stage._judged["training"]
+    queries, frames = stage.judged["training"]
     assert (np.abs(queries.current - frames) >= queries.radius).all()
     assert (stage._made[0].current == stage._real[0].current[0]).all() and stage._made[0].current[0] == -1
     # Brute force agrees on a sample.
@@ -146,6 +149,52 @@ def test_answers_of_the_projector_are_searched_among_what_it_may_know(database):
         assert found == pytest.approx(distances.min(), rel=1e-4, abs=1e-5)
 
 
+def test_the_closed_loop_is_trained_on_what_its_own_networks_ask(database, trained):
+    """Its crowd's queries hold the poses that the networks reached, which no frame of the data has."""
+    held = trained.held_out
+    chosen = settings()
+    data = Data(database, held)
+    first = DecompressorStage(data, chosen)
+    first.begin()
+    projector = ProjectorStage(data, chosen, first)
+    stage = ClosedLoopStage(data, chosen, chosen.closed_loop, projector, lambda: trained)
+    stage.begin()
+    queries, frames = stage._asked
+    assert len(queries) > 1000 and (queries.current == -1).all()
+    assert not {database.names[r] for r in np.unique(database.ranges()[frames])} & set(held)
+    pose = np.array(
+        [column for column, name in enumerate(database.schema.columns) if "trajectory" not in name]
+    )
+    away = (
+        np.abs(queries.features[:200, None, pose] - database.features[None][..., pose])
+        .max(axis=-1)
+        .min(axis=1)
+    )
+    of_data = np.abs(projector._real[0].features[:200, None, pose] - database.features[None][..., pose])
+    assert np.median(away) > 1e-3 > np.median(of_data.max(axis=-1).min(axis=1))
+    before = projector.projector.layers[0].weight.clone()
+    sum(stage.loss(0).values()).backward()
+    assert projector.projector.layers[0].weight.grad.abs().sum() > 0
+    assert torch.equal(before, projector.projector.layers[0].weight)
+
+
+def test_half_of_a_steppers_windows_begin_off_the_data(database):
+    data, chosen = Data(database), settings(held_out=0.0, stepper_noise=0.5)
+    first = DecompressorStage(data, chosen)
+    first.begin()
+    stage = StepperStage(data, chosen, first)
+    stage.begin()
+    states = torch.from_numpy(stage.states[:64].copy())
+    moved = stage._disturbed(states, np.random.default_rng(1)) - states
+    assert (moved[:32].abs().sum(dim=1) > 0).all() and not moved[32:].any()
+    width, std = data.features.shape[1], stage.states.std(axis=0)
+    sizes = (moved[:32] / torch.from_numpy(std)).abs().mean(dim=0)
+    assert sizes[width:].mean() > 2 * sizes[:width].mean() > 0
+    none = StepperStage(data, settings(held_out=0.0, stepper_noise=0.0), first)
+    none.begin()
+    assert none._disturbed(states, np.random.default_rng(1)) is states
+
+
 def test_a_projector_of_crouching_data_is_told_who_crouches():
     database = lmm_models.database(crouch=True)
     data, chosen = Data(database), settings(held_out=0.0)
@@ -156,9 +205,9 @@ def test_a_projector_of_crouching_data_is_told_who_crouches():
     assert stage.projector.network().sizes[0] == database.schema.size + 1
     tag = database.tag_mask(["crouch"])
     for queries, frames in (stage._real, stage._made):
-        asked = stage._inputs(queries)[:, -1] == 1
+        asked = stage.inputs(queries)[:, -1] == 1
         assert np.array_equal((database.tags[frames] & tag) != 0, asked)
-    assert 0 < stage._inputs(stage._made[0])[:, -1].mean() < 1
+    assert 0 < stage.inputs(stage._made[0])[:, -1].mean() < 1
 
 
 def test_rates_do_not_cross_clips(database):

@@ -102,8 +102,7 @@ def _measured(
     for name, ranges in progress(list(parts.items()), label="stepper", unit="parts of the data"):
         drift = stepper.drift(model, database, latents, starts=plan.starts, ranges=ranges, seed=seed)
         found["stepper"][name] = {"drift": drift.table(), "curves": drift.curves()}
-    user = 2 * seed + 1  # training learns from users of even seeds
-    asked = recorded.record(database, plan.queries, seed=user)
+    asked = recorded.record(database, plan.queries, seed=seed)
     kinds = {"real": asked} | {
         name: projector.noisy_rows(database, asked, ranges=ranges, seed=seed)
         for name, ranges in parts.items()
@@ -118,7 +117,7 @@ def _measured(
         database,
         seconds=60 * plan.minutes,
         characters=plan.characters,
-        seed=user,
+        seed=seed,
         progress=progress,
     )
     found["targets"] = targets(found)

@@ -19,7 +19,7 @@ from .checkpoint import Errors
 from .data import Data, floored, spread
 from .decompressor import DecompressorStage
 from .networks import Perceptron
-from .randomness import generator
+from .randomness import generator, users
 from .settings import Settings
 
 Array = NDArray[np.float32]
@@ -53,6 +53,7 @@ class ProjectorStage:
     def __init__(self, data: Data, settings: Settings, before: DecompressorStage) -> None:
         self.settings, self._all, self._data, self._before = settings.projector, settings, data, before
         self._tag = _crouch_tag(data)
+        self._begun = False
         features = data.features.shape[1]
         sizes = (features + bool(self._tag), *self.settings.hidden, features + settings.latent)
         self.projector = Perceptron(sizes, "relu", seed=settings.seed, name=self.name)
@@ -61,6 +62,8 @@ class ProjectorStage:
         return {"projector": self.projector}
 
     def begin(self) -> None:
+        if self._begun:
+            return
         data = self._data
         self._states = np.hstack([data.features, self._before.latents()])
         train = data.frames["training"]
@@ -82,16 +85,17 @@ class ProjectorStage:
         self._index = recorded.index_of(
             data.database, ranges=data.ranges["training"], threads=torch.get_num_threads()
         )
-        seed = self._all.seed
-        # Seeds of random users; those that judge are never trained on.
-        judging = self._answered(self._record(JUDGED, 2 * seed + 1))
-        self._judged = {"training": judging}
+        training, judging_user = users(self._all.seed)
+        judging = self.answered(self._record(JUDGED, judging_user))
+        # Queries of motion matching's crowd, and ones like them at held-out clips, with their answers.
+        self.judged = {"training": judging}
         if "held_out" in data.parts():
-            self._judged["held_out"] = self._answered(self._make(JUDGED, judging, "held_out"))
+            self.judged["held_out"] = self.answered(self._make(JUDGED, judging, "held_out"))
         if self._all.recipe == "ours":
             count = min(max(self.settings.iterations * self.settings.batch // REUSE, FEWEST), MOST)
-            self._real = self._answered(_anywhere(self._record(count, 2 * seed)))
-            self._made = self._answered(_anywhere(self._make(count, self._real, "training")))
+            self._real = self.answered(anywhere(self._record(count, training)))
+            self._made = self.answered(anywhere(self._make(count, self._real, "training")))
+        self._begun = True
 
     def _record(self, count: int, seed: int) -> Queries:
         """What a crowd asks that plays the clips that are trained on, and no others."""
@@ -115,27 +119,26 @@ class ProjectorStage:
             real.radius, real.ignore_end,
         )  # fmt: skip
 
-    def _answered(self, queries: Queries) -> tuple[Queries, NDArray[np.int64]]:
+    def answered(self, queries: Queries) -> tuple[Queries, NDArray[np.int64]]:
         """Queries that have an answer, and the frames that answer them."""
         frames, _ = recorded.neighbours(self._index, queries)
         found = frames >= 0
         return queries.take(found), frames[found].astype(np.int64)
 
-    def _inputs(self, queries: Queries) -> Array:
+    def inputs(self, queries: Queries) -> Array:
         """What the network sees of queries."""
         return projector_inputs(queries.features, self._tag, queries.required)
 
-    def _batch(self, iteration: int) -> tuple[Array, NDArray[np.int64]]:
-        """Inputs and answers of an iteration."""
-        draw, batch = generator(self._all.seed, self.name, iteration), self.settings.batch
+    def batch(self, draw: np.random.Generator, batch: int) -> tuple[Array, NDArray[np.int64]]:
+        """Inputs and answers of so many queries."""
         if self._all.recipe == "reference":
-            queries, frames = self._answered(self._published(draw, batch))
-            return self._inputs(queries), frames
+            queries, frames = self.answered(self._published(draw, batch))
+            return self.inputs(queries), frames
         parts = []
         count = round(REAL * batch)
         for (queries, frames), size in ((self._real, count), (self._made, batch - count)):
             which = draw.integers(0, len(queries), size)
-            parts.append((self._inputs(queries.take(which)), frames[which]))
+            parts.append((self.inputs(queries.take(which)), frames[which]))
         inputs, frames = (np.concatenate(part) for part in zip(*parts, strict=True))
         return inputs, frames
 
@@ -154,8 +157,12 @@ class ProjectorStage:
         )  # fmt: skip
 
     def loss(self, iteration: int) -> Mapping[str, Tensor]:
+        draw = generator(self._all.seed, self.name, iteration)
+        return self.loss_of(*self.batch(draw, self.settings.batch))
+
+    def loss_of(self, found: Array, frames: NDArray[np.int64]) -> Mapping[str, Tensor]:
+        """The loss of inputs and their answers."""
         width = self._data.features.shape[1]
-        found, frames = self._batch(iteration)
         inputs = torch.from_numpy(np.ascontiguousarray(found, np.float32)).to(self._tensor.device)
         truth, query = self._tensor[torch.from_numpy(frames).to(inputs.device)], inputs[:, :width]
         states = self.projector(inputs)
@@ -171,11 +178,12 @@ class ProjectorStage:
         are held out: ``error_cm`` of the pose that is found, median ``regret`` (distance of the answer / of
         the true neighbour, which is a frame that is trained on), and the ``latent`` error in units of the
         latents' spread."""
-        return {part: self._errors(*judged) for part, judged in self._judged.items() if len(judged[0])}
+        return {part: self.errors(*judged) for part, judged in self.judged.items() if len(judged[0])}
 
-    def _errors(self, queries: Queries, frames: NDArray[np.int64]) -> dict[str, float]:
+    def errors(self, queries: Queries, frames: NDArray[np.int64]) -> dict[str, float]:
+        """What `evaluate` says of one part: of queries and the frames that answer them."""
         width = self._data.features.shape[1]
-        states, truth = self.projector.evaluate(self._inputs(queries)), self._states[frames]
+        states, truth = self.projector.evaluate(self.inputs(queries)), self._states[frames]
         vectors = self._before.decompressor.evaluate(states)
         asked, best = states[:, :width], truth[:, :width]
         schema = self._data.database.schema
@@ -192,8 +200,8 @@ class ProjectorStage:
         }
 
 
-def _anywhere(queries: Queries) -> Queries:
-    """Queries whose answers may lie near the frame that played."""
+def anywhere(queries: Queries) -> Queries:
+    """The same queries, whose answers may lie near the frame that played."""
     return replace(queries, current=np.full(len(queries), -1, np.int32))
 
 

@@ -22,6 +22,12 @@ def generator(seed: int, stage: str, iteration: int = 0) -> np.random.Generator:
     return np.random.Generator(np.random.Philox(sequence(seed, stage, iteration)))
 
 
+def users(seed: int) -> tuple[int, int]:
+    """Seeds of the random users that a training learns from and is judged by; large, unlike anyone's own."""
+    training, judging = sequence(seed, "users").generate_state(2, np.uint32)
+    return 2**32 + int(training), 2**32 + int(judging)
+
+
 @contextlib.contextmanager
 def seeded(seed: int, stage: str) -> Iterator[None]:
     """Torch's own generator seeded for a stage, and put back after: what modules take first weights from."""

@@ -82,6 +82,9 @@ class Settings:
     device : where networks are trained.
     threads : of the processor; 0 takes as many as torch does.
     checkpoint_seconds : time between checkpoints, seconds.
+    stepper_noise : how far off half of the stepper's windows begin, at most, in deviations; 0 for none.
+    closed_loop : the projector once more, also with what a crowd asks that the networks themselves drive;
+        None for no such stage. Its hidden layers are the projector's, whatever it says.
     """
 
     recipe: Recipe = "ours"
@@ -94,9 +97,11 @@ class Settings:
     device: Device = "cpu"
     threads: int = 0
     checkpoint_seconds: float = 60.0
+    stepper_noise: float = 0.0
     decompressor: StageSettings = field(default_factory=lambda: StageSettings(window=2))
     stepper: StageSettings = field(default_factory=lambda: StageSettings(window=20, hidden=(512,) * 2))
     projector: StageSettings = field(default_factory=lambda: StageSettings(hidden=(512,) * 4))
+    closed_loop: StageSettings | None = None
 
     def __post_init__(self) -> None:
         config.validate(self)
@@ -106,6 +111,7 @@ class Settings:
             ("latent", 1, 4096),
             ("threads", 0, 1024),
             ("checkpoint_seconds", 0, 1e6),
+            ("stepper_noise", 0, 10),
         ):
             _check(name, getattr(self, name), least, most)
         _check_widths("compressor", self.compressor)
@@ -147,15 +153,18 @@ def _reference(name: str) -> Settings:
 
 
 def _ours(name: str) -> Settings:
-    """Fewer, larger batches at a higher rate that falls to 0, averaged weights, products of bfloat16."""
+    """Fewer, larger batches at a higher rate that falls to 0, averaged weights, products of bfloat16; a
+    Stepper that finds back, a Projector that knows what the networks themselves ask."""
     share = {"full": 5.0, "quick": 1.0, "smoke": 0.0}[name]
     settings = Settings(
         precision="bfloat16",
         decompressor=StageSettings(window=2, batch=256, learning_rate=4e-3, iterations=6_000),
         stepper=StageSettings(window=20, hidden=(512,) * 2, batch=128, learning_rate=4e-3, iterations=5_000),
-        projector=StageSettings(hidden=(512,) * 4, batch=512, learning_rate=3e-3, iterations=25_000),
+        stepper_noise=0.6,
+        projector=StageSettings(hidden=(512,) * 4, batch=512, learning_rate=3e-3, iterations=16_000),
+        closed_loop=StageSettings(hidden=(512,) * 4, batch=512, learning_rate=2e-3, iterations=9_000),
     )
-    for stage in ("decompressor", "stepper", "projector"):
+    for stage in ("decompressor", "stepper", "projector", "closed_loop"):
         one = getattr(settings, stage)
         count = max(round(share * one.iterations), 30)
         evaluate = max(count // 50, 15)

@@ -20,6 +20,7 @@ Array = NDArray[np.float32]
 JUDGED, HORIZONS = 400, (10, 20, 60)
 # Weights of features, latents, and the rates of both (REFERENCE 3.2).
 WEIGHTS = (2.0, 7.5, 0.2, 0.5)
+OF_FEATURES = 0.3  # share of the noise that features get: a Projector's are less wrong than its latents
 
 
 class StepperStage:
@@ -50,6 +51,11 @@ class StepperStage:
         )  # fmt: skip
         self.stepper.to(self._all.device)
         self._tensor = torch.from_numpy(self._states).to(self._all.device)
+        most = np.full(len(mean), self._all.stepper_noise, np.float32)
+        most[: data.features.shape[1]] *= OF_FEATURES
+        self._mean, self._most, self._noise = (
+            torch.from_numpy(row).to(self._all.device) for row in (mean, most, most * std)
+        )
         self._starts = data.starts(self.settings.window)
         self._horizons = [h for h in HORIZONS if h < data.longest()] or [1]
         self._last = (data.database.stops - 1)[data.database.ranges()]
@@ -65,7 +71,7 @@ class StepperStage:
         first = self._starts[draw.integers(0, len(self._starts), self.settings.batch)]
         rows = torch.from_numpy(first + np.arange(window)[:, None]).to(self._tensor.device)
         truth = self._tensor[rows]
-        states = [truth[0]]
+        states = [self._disturbed(truth[0], draw)]
         for _ in range(window - 1):
             states.append(states[-1] + self.stepper(states[-1]) / fps)
         run = torch.stack(states)
@@ -77,6 +83,24 @@ class StepperStage:
             "feature rates": WEIGHTS[2] * rates[..., :width].mean(),
             "latent rates": WEIGHTS[3] * rates[..., width:].mean(),
         }
+
+    def _disturbed(self, states: Tensor, draw: np.random.Generator) -> Tensor:
+        """States [B, F + L], half of them moved at random and towards their mean, each by another amount.
+
+        A Projector's answers are wrong in this way; from those, too, a Stepper must find into the motion.
+        """
+        if not self._all.stepper_noise:
+            return states
+        half = len(states) // 2
+        numbers = (
+            draw.random((half, 1)),
+            draw.random((half, 1)),
+            draw.standard_normal((half, states.shape[1])),
+        )
+        moved, shrunk, normal = (torch.from_numpy(n.astype(np.float32)).to(states.device) for n in numbers)
+        some = states[:half]
+        some = some + moved * normal * self._noise + shrunk * self._most * (self._mean - some)
+        return torch.cat([some, states[half:]])
 
     def evaluate(self) -> Errors:
         """Joint errors after some frames of free run from true states; ``error_cm`` is that after ten."""
