@@ -67,6 +67,8 @@ def train(
     and errors; MODEL.checkpoint is there until the model is written, --resume goes on from it: the same
     command and --resume come to the same model, however often the training was stopped.
 
+    It takes about 3 kB of memory a frame of 23 joints, on a GPU as much there: 7 GB for ten hours at 60 Hz.
+
     \b
     A file for --config, with any of the settings, which are stored in the model:
       latent = 24

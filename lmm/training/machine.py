@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 from collections.abc import Iterator
 from typing import Any
@@ -12,6 +13,24 @@ import torch
 from motion.errors import UserError
 
 from .settings import Settings
+
+
+def check_memory(needed: int) -> None:
+    """A UserError where so many bytes are more than the machine has, before work that would end in vain."""
+    has = memory()
+    if needed > has:
+        raise UserError(
+            f"training takes about {needed / 1e9:.1f} GB of memory, this machine has {has / 1e9:.1f} GB",
+            remedy="build a database of fewer clips, without mirrored copies, or at a lower frame rate",
+        )
+
+
+def memory() -> float:
+    """Bytes of memory of the machine; infinite where the system does not tell."""
+    try:
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, ValueError, OSError):
+        return math.inf
 
 
 @contextlib.contextmanager

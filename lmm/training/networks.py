@@ -16,6 +16,8 @@ from lmm.network import Activation, Network
 
 from .randomness import seeded
 
+CHUNK = 8192  # inputs at a time where there are many
+
 
 class Perceptron(nn.Module):
     """Linear layers with an activation between, on normalised inputs and to outputs that are scaled back.
@@ -56,7 +58,7 @@ class Perceptron(nn.Module):
     def forward(self, x: Tensor) -> Tensor:
         return self.inner(x) * self.output_std + self.output_mean
 
-    def evaluate(self, x: NDArray[np.float32], chunk: int = 8192) -> NDArray[np.float32]:
+    def evaluate(self, x: NDArray[np.float32], chunk: int = CHUNK) -> NDArray[np.float32]:
         """Outputs of many inputs [N, ..], in pieces, as precise as when they run."""
         device = self.input_mean.device
         with torch.no_grad(), precision("highest"):

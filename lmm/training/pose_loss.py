@@ -24,6 +24,16 @@ PUBLISHED = (75.0, 10.0, 10.0, 1.25, 2.0, 2.0, 2.0, 15.0, 5.0, 2.0, 0.75, 10.0, 
 AT_LEAST = 32  # windows a thread
 
 
+def joints(parents: NDArray[np.int32], vectors: NDArray[np.float32]) -> tuple[NDArray[np.float32], ...]:
+    """Of vectors [N, D] the joints in the root's space: positions [N, J, 3], rotations [N, J, 3, 3],
+    velocities and angular velocities [N, J, 3]."""
+    shape = len(vectors), len(parents)
+    x, v, w = (np.empty((*shape, 3), np.float32) for _ in range(3))
+    r = np.empty((*shape, 3, 3), np.float32)
+    pose_kernels.forward(parents, np.ascontiguousarray(vectors, np.float32), x, r, v, w)
+    return x, r, v, w
+
+
 class PoseLoss:
     """Mean absolute differences of local and character-space joints, of their rates over a window, of the
     root's motion and of contacts (REFERENCE 3.2).
@@ -34,9 +44,7 @@ class PoseLoss:
     truth : float32 [T, D], vectors of all frames (`lmm.layout.Layout`).
     weights : one a term, in the order of TERMS.
     threads : that the compiled pass may use.
-
-    `joints` are the true joints of every frame in the root's space: positions [T, J, 3], rotations
-    [T, J, 3, 3], velocities and angular velocities [T, J, 3].
+    device : where `plain` computes.
     """
 
     def __init__(
@@ -48,22 +56,12 @@ class PoseLoss:
         *,
         weights: Sequence[float] = PUBLISHED,
         threads: int = 1,
+        device: str = "cpu",
     ) -> None:
         self._layout, self._fps, self._weights = Layout(len(skeleton), contacts), fps, tuple(weights)
         self.parents = np.ascontiguousarray(skeleton.parents, np.int32)
-        self._kinematics = ForwardKinematics(skeleton)
-        self._truth = np.ascontiguousarray(truth, np.float32)
-        self.joints = self._true_joints()
-        self._threads = threads
-        self._pool = ThreadPoolExecutor(threads)
-
-    def _true_joints(self) -> tuple[NDArray[np.float32], ...]:
-        """Of every frame the true joints in the root's space, by one pass of the compiled forward."""
-        frames, joints = len(self._truth), len(self.parents)
-        x, v, w = (np.empty((frames, joints, 3), np.float32) for _ in range(3))
-        r = np.empty((frames, joints, 3, 3), np.float32)
-        pose_kernels.forward(self.parents, self._truth, x, r, v, w)
-        return x, r, v, w
+        self._kinematics = ForwardKinematics(skeleton, device)
+        self._truth, self._threads = truth, threads
 
     def coefficients(self, windows: int, window: int) -> NDArray[np.float32]:
         """Weight of each term's sum, so that it becomes a mean, and differences become rates per second."""
@@ -80,8 +78,7 @@ class PoseLoss:
 
     def plain(self, vectors: Tensor, first: NDArray[np.int64], window: int) -> dict[str, Tensor]:
         """The obvious twin of `compiled`, by autograd."""
-        rows = (first[:, None] + np.arange(window)).reshape(-1)
-        truth = torch.from_numpy(self._truth[rows]).to(vectors.device)
+        truth = torch.from_numpy(self._true(first, window)).to(vectors.device)
         found, goal = self._parts(vectors, window), self._parts(truth, window)
         # The root's motion and contacts have neither place in the hierarchy nor rates.
         mine, theirs = self._blocks(vectors), self._blocks(truth)
@@ -96,6 +93,10 @@ class PoseLoss:
                 difference = (difference[:, 1:] - difference[:, :-1]) * self._fps
             out[term] = weight * difference.abs().mean() if difference.numel() else vectors.sum() * 0
         return out
+
+    def _true(self, first: NDArray[np.int64], window: int) -> NDArray[np.float32]:
+        """The true vectors [B window, D] of windows."""
+        return np.ascontiguousarray(self._truth[(first[:, None] + np.arange(window)).reshape(-1)])
 
     def _blocks(self, vectors: Tensor) -> dict[str, Tensor]:
         parts = self._layout.slices
@@ -128,20 +129,25 @@ class _Compiled(torch.autograd.Function):
         values = np.ascontiguousarray(vectors.detach().numpy(), np.float32)
         gradients = np.empty_like(values)
         coefficients = loss.coefficients(len(first), window)
-        cuts = np.linspace(0, len(first), max(1, min(loss._threads, len(first) // AT_LEAST)) + 1).astype(int)
+        pieces = max(1, min(loss._threads, len(first) // AT_LEAST))
+        cuts = np.linspace(0, len(first), pieces + 1).astype(int)
 
         def part(start: int, stop: int) -> NDArray[np.float64]:
             rows, terms = slice(start * window, stop * window), np.empty(len(TERMS))
+            truth = loss._true(first[start:stop], window)
+            begins = np.arange(0, len(truth), window)
             pose_kernels.pose_loss(  # type: ignore[call-arg]
-                loss.parents, np.float32(loss._fps), coefficients, first[start:stop], window, values[rows],
-                loss._truth, *loss.joints, gradients[rows], terms,
+                loss.parents, np.float32(loss._fps), coefficients, begins, window, values[rows],
+                truth, *joints(loss.parents, truth), gradients[rows], terms,
             )  # fmt: skip
             return terms
 
-        jobs = [loss._pool.submit(part, a, b) for a, b in pairwise(cuts[1:])]
-        terms = part(cuts[0], cuts[1])
-        for job in jobs:
-            terms = terms + job.result()
+        # Threads begin and end here: that takes a hundredth of the time, and none is left behind.
+        with ThreadPoolExecutor(pieces) as pool:
+            jobs = [pool.submit(part, a, b) for a, b in pairwise(cuts[1:])]
+            terms = part(cuts[0], cuts[1])
+            for job in jobs:
+                terms = terms + job.result()
         ctx.save_for_backward(torch.from_numpy(gradients))
         return tuple(torch.from_numpy(terms.astype(np.float32)).unbind())
 
