@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from importlib import metadata
 
 import numpy as np
@@ -13,6 +14,8 @@ from mm.description import Description
 from motion import config
 
 from . import checkpoint, loop, split
+from .checkpoint import Errors
+from .closed_loop import ClosedLoopStage
 from .data import Data
 from .decompressor import DecompressorStage
 from .machine import check_memory
@@ -31,25 +34,33 @@ def train(
 ) -> Model:
     """Train the networks of a database, and write the model to output.
 
-    Compressor with Decompressor, then Stepper, then Projector. Beside output stand a log, and a checkpoint
-    until the model is written. Errors: see `loop.run` and `split.held_out`.
+    Compressor with Decompressor, then Stepper, then Projector, and that once more in the closed loop where
+    the settings say so. Beside output stand a log, and a checkpoint until the model is written. Errors: see
+    `loop.run` and `split.held_out`.
     """
     data = Data(database, split.held_out(database, settings))
     check_memory(data.memory())
     first = DecompressorStage(data, settings)
     second, third = StepperStage(data, settings, first), ProjectorStage(data, settings, first)
+    stages: list[loop.Stage] = [first, second, third]
+
+    def model(errors: Mapping[str, Errors]) -> Model:
+        return _model(data, settings, first, second, third, errors)
+
+    if settings.closed_loop is not None:
+        stages.append(ClosedLoopStage(data, settings, settings.closed_loop, third, lambda: model({})))
     outcome = loop.run(
-        [first, second, third],
+        stages,
         settings,
         output,
         database=database.fingerprint,
         resume=resume,
         tensorboard=tensorboard,
     )
-    model = _model(data, settings, first, second, third, outcome)
-    model.save(output)
+    trained = model(outcome.errors)
+    trained.save(output)
     checkpoint.remove(checkpoint.path_of(output))
-    return model
+    return trained
 
 
 def _model(
@@ -58,7 +69,7 @@ def _model(
     first: DecompressorStage,
     second: StepperStage,
     third: ProjectorStage,
-    outcome: loop.Outcome,
+    errors: Mapping[str, Errors],
 ) -> Model:
     database = data.database
     states = np.hstack([data.features, first.latents()])[data.frames["training"]]
@@ -76,5 +87,5 @@ def _model(
         ranges=len(database.starts),
         frames=len(database),
         training={"settings": config.to_dict(settings), "version": metadata.version("motion-matching")},
-        errors=outcome.errors,
+        errors=dict(errors),
     )
