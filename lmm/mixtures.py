@@ -3,7 +3,8 @@
 A learned state is a feature and a latent vector, a classical one a frame; stepping says which of them a
 chain holds. Where a stage of the other kind meets it, one lookup converts: a frame becomes its row of
 features and latents; a learned state becomes the frame whose row is nearest, every column in units of its
-standard deviation.
+standard deviation. Poses that are looked up play on, and change as motion matching's do: every so often the
+nearest frame is taken where it is clearly nearer, and blended into.
 """
 
 from __future__ import annotations
@@ -39,6 +40,7 @@ from .model import Model
 from .stages import DecompressorDecompression, LatentState, ProjectorProjection, StepperStepping
 
 LETTERS = "PSD"
+LEAST = 0.1  # of the mean deviation is what a column is divided by at least: rounding must not decide
 COMBINATIONS = ("", "P", "S", "D", "PS", "PD", "SD", "PSD")
 
 
@@ -79,30 +81,31 @@ class Nearest:
 
     def __init__(self, model: Model, database: Database, rows: Rows, *, ignore_end: int) -> None:
         std = model.state_std
-        self._scale = np.where(std > 0, 1 / np.where(std > 0, std, 1), 0).astype(np.float32)
+        self._scale = (1 / np.maximum(std, LEAST * std.mean() or 1)).astype(np.float32)
         self._table = plain(rows.values(np.arange(len(database), dtype=np.int32)) * self._scale)
         self._index = search.build(
             "exact", self._table, database.starts, database.stops, ignore_end=ignore_end, tags=database.tags
         )
 
     def frames(
-        self,
-        values: NDArray[np.float32],
-        near: NDArray[np.int32],
-        exclude: search.Exclusions | None = None,
+        self, values: NDArray[np.float32], exclude: search.Exclusions | None = None
     ) -> NDArray[np.int32]:
-        """The nearest frames [N] of values [N, F + L]; -1 where all are excluded.
+        """The nearest frames [N] of values [N, F + L]; -1 where all are excluded."""
+        return self._index.search(values * self._scale, exclude=exclude)[0][:, 0]
 
-        near [N] are frames to start from (-1: none): what lies further than they do need not be looked at.
+    def better(
+        self, values: NDArray[np.float32], near: NDArray[np.int32], share: NDArray[np.float32]
+    ) -> NDArray[np.int32]:
+        """Frames [N] nearer to values [N, F + L] than frames near [N] are; -1 where there is none.
+
+        Their squared distance is below share [N] of that of near; where that is infinite anything will do.
         """
         points = values * self._scale
-        bound = None
-        if exclude is None:
-            difference = points - self._table[near]
-            bound = np.einsum("nc,nc->n", difference, difference)
-            bound[near < 0] = np.inf
-        found, _ = self._index.search(points, bound=bound, exclude=exclude)
-        return found[:, 0] if exclude is not None else np.where(found[:, 0] < 0, near, found[:, 0])
+        difference = points - self._table[near]
+        bound = np.einsum("nc,nc->n", difference, difference)
+        np.multiply(bound, share, out=bound, where=np.isfinite(share))
+        bound[np.isinf(share)] = np.inf
+        return self._index.search(points, bound=bound)[0][:, 0]
 
     def memory(self) -> dict[str, int]:
         return {"lookup": self._table.nbytes + self._index.nbytes}
@@ -120,7 +123,7 @@ class GuessedFrames:
     def project(self, queries, state, bound, required_tags, forbidden_tags):
         self._projector.check_tags(required_tags, forbidden_tags)
         exclude = search.Exclusions(state.frames(), self._radius, required_tags, forbidden_tags)
-        frames = self._nearest.frames(self._projector.guess(queries, required_tags), state.frames(), exclude)
+        frames = self._nearest.frames(self._projector.guess(queries, required_tags), exclude)
         lost = frames < 0
         candidates = FrameState(np.where(lost, state.frames(), frames), state.data)
         found_costs = normalise.total_costs(self._projector.schema, queries, candidates.features())
@@ -174,14 +177,35 @@ class DecompressedFrames:
 
 
 class LookedUpPoses:
-    """Poses of learned states from the database: those of the nearest frames, which the states remember."""
+    """Poses of learned states from the database: of frames that play on while they are near to the states.
 
-    def __init__(self, gathering: GatherDecompression, rows: Rows, nearest: Nearest) -> None:
+    At every interval (in frames), and where a range ends, the nearest frame is looked up, and with the next
+    step taken where its squared distance is below share of that of the frame that plays. With the interval
+    and the bias of motion matching's own searches poses are as smooth as its; by the frame that is nearest
+    in each frame they would change 30 to 60 times a second, between frames that are hardly nearer.
+    """
+
+    def __init__(
+        self, gathering: GatherDecompression, rows: Rows, nearest: Nearest, *, interval: int, share: float
+    ) -> None:
         self._gather, self._rows, self._nearest = gathering, rows, nearest
+        self._interval, self._share = interval, np.float32(share)
 
     def decompress(self, state: LatentState, poses: Poses, contacts: NDArray[np.uint8]) -> None:
-        state.near[:] = self._nearest.frames(state.values, state.near)
+        unknown = np.flatnonzero(state.near < 0)
+        if len(unknown):
+            state.near[unknown] = self._nearest.frames(state.values[unknown])
+            state.since[unknown] = 0
         self._gather.decompress(FrameState(state.near, self._rows.data), poses, contacts)
+        ended = state.near >= self._rows.data.last[state.near]
+        due = np.flatnonzero(ended | (state.since >= self._interval))
+        state.moved[:] = False
+        if len(due):
+            share = np.where(ended[due], np.float32(np.inf), self._share)
+            better = self._nearest.better(state.values[due], state.near[due], share)
+            state.since[due] = 0
+            state.moved[due] = better >= 0
+            state.near[state.moved] = better[better >= 0]
 
     def memory(self) -> dict[str, int]:
         return self._gather.memory() | self._nearest.memory()
@@ -255,7 +279,7 @@ def _mixed(
     if up or down or guessed or fed:
         rows = Rows(database, model.latents(database) if latents is None else latents)
     if rows is not None and (down or guessed):
-        nearest = Nearest(model, database, rows, ignore_end=ignore_end if guessed else 0)
+        nearest = Nearest(model, database, rows, ignore_end=ignore_end)
 
     projection: Projection
     if projects:
@@ -280,5 +304,8 @@ def _mixed(
     else:
         decompression = gathering = GatherDecompression(database, gather=gather)
         if down and rows is not None and nearest is not None:
-            decompression = LookedUpPoses(gathering, rows, nearest)
+            interval = max(1, round(settings.search_interval * database.fps))
+            decompression = LookedUpPoses(
+                gathering, rows, nearest, interval=interval, share=1 - settings.continuing_bias
+            )
     return Stages(projection, stepping, decompression)

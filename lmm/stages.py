@@ -7,7 +7,7 @@ A learned state is a feature and a latent vector. How they mix with the classica
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,12 +32,19 @@ class LatentState:
     width : F.
     asked : uint32 [N], tags of what was found, or asked for, at the last projection.
     near : int32 [N], the frame found by the last lookup plus the steps since; -1 where there was none.
+    since : int32 [N], those steps.
+    moved : bool [N], whether a lookup has just left the frame that was shown for another one.
     """
 
     values: NDArray[np.float32]
     width: int
     asked: NDArray[np.uint32]
     near: NDArray[np.int32]
+    since: NDArray[np.int32] = field(init=False)
+    moved: NDArray[np.bool_] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.since, self.moved = np.zeros(len(self), np.int32), np.zeros(len(self), np.bool_)
 
     @staticmethod
     def of(values: NDArray[np.float32], width: int) -> LatentState:
@@ -64,11 +71,17 @@ class LatentState:
     def ended(self) -> NDArray[np.bool_]:
         return np.zeros(len(self), np.bool_)
 
+    def jumped(self) -> NDArray[np.int64]:
+        return np.flatnonzero(self.moved)
+
     def take(self, who: NDArray[np.int64]) -> LatentState:
-        return LatentState(self.values[who], self.width, self.asked[who], self.near[who])
+        taken = LatentState(self.values[who], self.width, self.asked[who], self.near[who])
+        taken.since, taken.moved = self.since[who], self.moved[who]
+        return taken
 
     def put(self, who: NDArray[np.int64], other: LatentState) -> None:
         self.values[who], self.asked[who], self.near[who] = other.values, other.asked, other.near
+        self.since[who], self.moved[who] = other.since, other.moved
 
 
 class ProjectorProjection:
@@ -138,6 +151,7 @@ class StepperStepping:
     def step(self, state: LatentState) -> None:
         self._advance(state.values, self._network.evaluate(state.values), self._fps)
         if self._last is not None:
+            state.since += 1
             known = state.near >= 0
             np.minimum(state.near + 1, self._last[state.near], out=state.near, where=known)
 

@@ -201,6 +201,9 @@ class Controller:
         self._fill_past()
         self._lap("prediction")
         self._search(command, ended)
+        jumped = self.state.jumped()
+        if len(jumped):
+            self._blend(jumped, self.state.take(jumped))
         self.stages.stepping.step(self.state)
         self._lap("stepping")
         self.stages.decompression.decompress(self.state, self._playing, self._contacts)
@@ -293,6 +296,12 @@ class Controller:
 
     def _jump(self, who: NDArray[np.int64], destination: stages.State) -> None:
         """Transition characters who to the destination states, inertialized."""
+        self._blend(who, destination)
+        self.state.put(who, destination)
+        self._moved[who] = True
+
+    def _blend(self, who: NDArray[np.int64], destination: stages.State) -> None:
+        """From the next step on, blend characters who from what they show into the destination states."""
         poses = Poses.empty(len(who), len(self.skeleton))
         contacts = np.empty((len(who), self._contacts.shape[1]), np.uint8)
         self.stages.decompression.decompress(destination, poses, contacts)
@@ -302,8 +311,6 @@ class Controller:
             shown.positions, shown.rotations, shown.velocities, shown.angular_velocities, self._offsets,
             poses.positions, poses.rotations, poses.velocities, poses.angular_velocities,
         )  # fmt: skip
-        self.state.put(who, destination)
-        self._moved[who] = True
 
     def _fill_past(self) -> None:
         """Past and present trajectory samples: where the root was shown."""

@@ -20,6 +20,8 @@ from motion.pose import Poses
 from . import kernels, search
 from .database import Database
 
+NOBODY = np.zeros(0, np.int64)
+
 
 class State(Protocol):
     """Where N characters are in the data."""
@@ -40,6 +42,10 @@ class State(Protocol):
 
     def ended(self) -> NDArray[np.bool_]:
         """Whether the data ends here, so that a jump is due [N]."""
+        ...
+
+    def jumped(self) -> NDArray[np.int64]:
+        """Who [K] goes on elsewhere than the last pose was, by no projection, so that a blend is due."""
         ...
 
     def take(self, who: NDArray[np.int64]) -> Self:
@@ -145,6 +151,9 @@ class FrameState:
 
     def ended(self) -> NDArray[np.bool_]:
         return self.index >= self.data.last[self.index]
+
+    def jumped(self) -> NDArray[np.int64]:
+        return NOBODY
 
     def take(self, who: NDArray[np.int64]) -> FrameState:
         return FrameState(self.index[who], self.data)

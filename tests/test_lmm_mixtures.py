@@ -19,6 +19,7 @@ from mm.settings import Settings
 from mm.stages import FrameState
 from motion import quat, springs
 from motion.errors import UserError
+from motion.pose import Poses
 
 
 @pytest.fixture(scope="module")
@@ -98,16 +99,96 @@ def test_a_mixture_searches_and_looks_up_what_a_brute_force_would(model, databas
     values += 0.3 * rng.normal(size=values.shape).astype(np.float32)
     every = rows.values(np.arange(len(database)))
 
-    def distances(frame: int | None = None) -> np.ndarray:
-        difference = (values[:, None] - (every if frame is None else every[frame])) / model.state_std
+    def distances(of: np.ndarray) -> np.ndarray:
+        """Squared, of values [30] to rows [30, ...]."""
+        deviation = np.maximum(model.state_std, 0.1 * model.state_std.mean())
+        difference = (values.reshape(30, *[1] * (of.ndim - 2), -1) - of) / deviation
         return (difference.astype(float) ** 2).sum(axis=-1)
 
-    least = distances().min(axis=1)
-    # From wherever the search starts, the answer is the same.
-    for near in (np.full(30, -1), frames, np.roll(frames, 1)):
-        found = nearest.frames(values, near.astype(np.int32))
-        chosen = np.take_along_axis(distances(), found[:, None], axis=1)[:, 0]
-        np.testing.assert_allclose(chosen, least, rtol=1e-4)
+    least = distances(every[None]).min(axis=1)
+    np.testing.assert_allclose(distances(every[nearest.frames(values)]), least, rtol=1e-4)
+    # From elsewhere the nearest frame is taken only where it is so much nearer, or anything will do.
+    there = np.roll(frames, 1)
+    share = np.linspace(0, 1, 30).astype(np.float32)
+    share[::7] = np.inf
+    better = nearest.better(values, there, share)
+    taken = (least < share * distances(every[there])) | np.isinf(share)
+    assert 5 < taken.sum() < 30
+    np.testing.assert_array_equal(better >= 0, taken)
+    np.testing.assert_allclose(distances(every[better])[taken], least[taken], rtol=1e-4)
+
+
+def test_a_column_that_hardly_varies_does_not_decide_what_is_nearest(model, database):
+    """Rounding of a column that should be constant would be worth more than all other columns."""
+    std = model.state_std.copy()
+    std[3] = 1e-9
+    rows = Rows(database, model.latents(database))
+    nearest = Nearest(replace(model, state_std=std), database, rows, ignore_end=0)
+    values = rows.values(np.array([100], np.int32))
+    values[:, 3] += 1e-6
+    assert nearest.frames(values)[0] == 100
+
+
+def looked_up(model, database, frames, **settings) -> tuple[mixtures.LookedUpPoses, LatentState]:
+    """Poses to look up, and states that are rows of the database and remember frames."""
+    three = mixtures.stages(model, learned="PS", database=database, settings=Settings(**settings))
+    assert isinstance(three.decompression, mixtures.LookedUpPoses)
+    return three.decompression, Rows(database, model.latents(database)).states(np.array(frames, np.int32))
+
+
+def shown(poses: mixtures.LookedUpPoses, state: LatentState, database) -> np.ndarray:
+    """Local rotations of the joints but the root."""
+    out = Poses.empty(len(state), len(database.skeleton))
+    poses.decompress(state, out, np.zeros((len(state), len(database.contact_roles)), np.uint8))
+    return out.rotations[:, 1:]
+
+
+def test_poses_play_on_until_another_frame_is_clearly_nearer(model, database):
+    start, interval = int(database.starts[0]) + 20, round(0.1 * database.fps)
+    poses, state = looked_up(model, database, [start + 40] * 4, continuing_bias=0.2)
+    # Near already; far away but just looked up; far away and due; nothing known.
+    state.near[:] = [start + 40, start, start, -1]
+    state.since[:] = [interval, interval - 1, interval, 99]
+    expected = database.poses.rotations[[start + 40, start, start, start + 40], 1:]
+    np.testing.assert_array_equal(shown(poses, state, database), expected)
+    np.testing.assert_array_equal(state.jumped(), [2])
+    np.testing.assert_array_equal(state.near, [start + 40, start, start + 40, start + 40])
+    np.testing.assert_array_equal(state.since, [0, interval - 1, 0, 0])
+    # Who has jumped shows the other frame from now on, and jumps once.
+    shown(poses, state, database)
+    assert len(state.jumped()) == 0
+    # Where another frame is not nearer by the bias it stays.
+    poses, state = looked_up(model, database, [start + 40], continuing_bias=0.999)
+    state.values += 0.3
+    state.near[:], state.since[:] = start + 38, interval
+    shown(poses, state, database)
+    assert state.near[0] == start + 38 and len(state.jumped()) == 0
+
+
+def test_at_the_end_of_a_range_poses_go_on_elsewhere(model, database):
+    poses, state = looked_up(model, database, [int(database.stops[0]) - 1], continuing_bias=0.999)
+    last = shown(poses, state, database)
+    np.testing.assert_array_equal(last[0], database.poses.rotations[database.stops[0] - 1, 1:])
+    assert len(state.jumped()) == 1 and state.near[0] < database.stops[-1] - round(database.fps / 3)
+
+
+def test_poses_that_are_looked_up_do_not_pop(database):
+    """The frame changes often, by a stepper that leads astray; what is shown goes on smoothly."""
+    model = lmm_models.model(database)
+    system, jumps, apart = controller(model, database, "PS"), 0, []
+    before = system.poses().rotations[0, 1:].astype(float)
+    command = Command.still(1)
+    command.velocity[:] = [0, 1.3]
+    for _ in range(120):
+        rotations = system.step(command).rotations[0, 1:].astype(float)
+        jumps += len(system.state.jumped())
+        apart.append(np.degrees(quat.angle_between(rotations, before)).max())
+        before = rotations.copy()
+    assert jumps >= 10
+    within = np.arange(len(database) - 1)[np.diff(database.ranges()) == 0]
+    real = database.poses.rotations[:, 1:].astype(float)
+    fastest = np.degrees(quat.angle_between(real[within + 1], real[within])).max()
+    assert max(apart) < 2 * fastest
 
 
 def test_a_projection_is_taken_where_it_is_cheaper_than_playing_on(model, database):

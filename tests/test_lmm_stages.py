@@ -58,14 +58,18 @@ def test_poses_are_those_of_the_decompressor(model, database):
 def test_learned_states_are_taken_and_put_apart():
     values = np.arange(12, dtype=np.float32).reshape(3, 4)
     state = LatentState(values.copy(), 3, np.array([1, 2, 4], np.uint32), np.array([7, 8, 9], np.int32))
+    state.since[:], state.moved[:] = [4, 5, 6], [True, False, False]
     two = state.take(np.array([2, 0]))
     two.values[:] += 100
+    two.since[:] += 10
     np.testing.assert_array_equal(state.values, values)
     state.put(np.array([0, 1]), two)
     np.testing.assert_array_equal(state.features()[:, 0], [108, 100, 8])
     np.testing.assert_array_equal(state.latents()[:, 0], [111, 103, 11])
     np.testing.assert_array_equal(state.tags(), [4, 1, 4])
     np.testing.assert_array_equal(state.near, [9, 7, 9])
+    np.testing.assert_array_equal(state.since, [16, 14, 6])
+    np.testing.assert_array_equal(state.jumped(), [1])
     assert len(state) == 3 and (state.frames() == -1).all() and not state.ended().any()
 
 
