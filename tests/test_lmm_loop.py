@@ -23,6 +23,7 @@ import pytest
 torch = pytest.importorskip("torch", reason="training needs torch: pip install 'motion-matching[train]'")
 
 from lmm.training import checkpoint, log, loop  # noqa: E402
+from lmm.training.optimiser import optimiser, rate  # noqa: E402
 from lmm.training.randomness import generator, seeded  # noqa: E402
 from lmm.training.settings import Settings, StageSettings  # noqa: E402
 from motion import files  # noqa: E402
@@ -76,12 +77,12 @@ class Fit:
 def _stages(plan: StageSettings = PLAN) -> list[Fit]:
     """Three in a row, each with an optimiser of its own."""
     found: list[Fit] = []
-    for name, optimiser, schedule in (
+    for name, kind, schedule in (
         ("one", "adamw", "cosine"),
         ("two", "radam", "step"),
         ("three", "adam", "step"),
     ):
-        own = dataclasses.replace(plan, optimiser=optimiser, schedule=schedule)
+        own = dataclasses.replace(plan, optimiser=kind, schedule=schedule)
         found.append(Fit(name, own, found[-1] if found else None))
     return found
 
@@ -182,7 +183,7 @@ def killed_again_and_again(folder: str, seed: int) -> None:
     number = torch.nn.Parameter(torch.zeros(1))
     number.grad = torch.zeros(1)
     for stage in _stages(plan):
-        loop.optimiser(stage.settings, [number]).step()
+        optimiser(stage.settings, [number]).step()
 
     def train(output: Path) -> int:
         child = os.fork()
@@ -463,9 +464,9 @@ def test_averages_are_what_is_evaluated_and_kept(tmp_path: Path) -> None:
 
 def test_rates() -> None:
     step = StageSettings(learning_rate=2.0)
-    assert [loop.rate(step, i) for i in (0, 999, 1000, 2500)] == [2.0, 2.0, 2 * 0.99, 2 * 0.99**2]
+    assert [rate(step, i) for i in (0, 999, 1000, 2500)] == [2.0, 2.0, 2 * 0.99, 2 * 0.99**2]
     cosine = StageSettings(learning_rate=1.0, schedule="cosine", iterations=110, warm_up=1 / 11)
-    found = [loop.rate(cosine, i) for i in range(110)]
+    found = [rate(cosine, i) for i in range(110)]
     assert found[:10] == pytest.approx(np.linspace(0.1, 1, 10))
     assert found[60] == pytest.approx(0.5) and 0 < found[-1] < 1e-3
     assert np.all(np.diff(found[10:]) < 0)
@@ -480,7 +481,7 @@ def test_rates() -> None:
     ],
 )
 def test_optimisers(name: Any, kind: type, facts: dict[str, Any]) -> None:
-    found = loop.optimiser(StageSettings(optimiser=name), [torch.nn.Parameter(torch.zeros(3))])
+    found = optimiser(StageSettings(optimiser=name), [torch.nn.Parameter(torch.zeros(3))])
     assert type(found) is kind and facts.items() <= found.defaults.items()
 
 

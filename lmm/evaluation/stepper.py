@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lmm.model import Model
-from lmm.network import Network
 from mm import metrics, quality
 from mm.database import Database
 from motion import quat
@@ -24,7 +23,13 @@ STEPS = (5, 10, 20, 30, 60)
 STARTS = 2000
 
 
-def free_run(stepper: Network, states: Array, fps: float, steps: int) -> Iterator[NDArray[np.float32]]:
+class Rates(Protocol):
+    """A stepper: rates of change [N, F + L] of states; a `Network`, or one that is being trained."""
+
+    def evaluate(self, x: NDArray[np.float32], /) -> NDArray[np.float32]: ...
+
+
+def free_run(stepper: Rates, states: Array, fps: float, steps: int) -> Iterator[NDArray[np.float32]]:
     """States [N, F + L] after 1, 2, ... steps: state + rate / fps, fed back; copies."""
     states = np.array(states, np.float32)
     for _ in range(steps):

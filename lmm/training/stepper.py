@@ -9,6 +9,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from lmm.evaluation.stepper import free_run
+
 from .checkpoint import Errors
 from .data import Data, floored, spread
 from .decompressor import DecompressorStage
@@ -106,10 +108,9 @@ class StepperStage:
         """Joint errors after some frames of free run from true states; ``error_cm`` is that after ten."""
         found = {}
         for part, frames in self._samples.items():
-            states = self._states[frames]
             errors = {}
-            for frame in range(1, self._horizons[-1] + 1):
-                states = states + self.stepper.evaluate(states) / np.float32(self._data.database.fps)
+            run = free_run(self.stepper, self._states[frames], self._data.database.fps, self._horizons[-1])
+            for frame, states in enumerate(run, 1):
                 if frame in self._horizons:
                     on = frames + frame <= self._last[frames]
                     if not on.any():

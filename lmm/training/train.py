@@ -21,6 +21,7 @@ from .decompressor import DecompressorStage
 from .machine import check_memory
 from .projector import ProjectorStage
 from .settings import Settings
+from .stage import Stage
 from .stepper import StepperStage
 
 
@@ -42,7 +43,7 @@ def train(
     check_memory(data.memory())
     first = DecompressorStage(data, settings)
     second, third = StepperStage(data, settings, first), ProjectorStage(data, settings, first)
-    stages: list[loop.Stage] = [first, second, third]
+    stages: list[Stage] = [first, second, third]
 
     def model(errors: Mapping[str, Errors]) -> Model:
         return _model(data, settings, first, second, third, errors)
