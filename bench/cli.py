@@ -97,11 +97,12 @@ def compare(
 
     SOURCES are clips and folders, or one database. With -o the folder gets summary.csv, summary.json,
     courses.csv and report.html, and the database where one was built. Systems that end in -free do not
-    hold the feet.
+    hold the feet; where the skeleton lacks a joint of a leg only they run.
 
     With --model networks take the place of stages of motion matching, in all seven ways: lmm-PSD is learned
-    projection, stepping and decompression, lmm-D the decompressor alone. Every system's poses are then held
-    against those of the data, and those of mm-exact under the same commands.
+    projection, stepping and decompression, lmm-D the decompressor alone; lmm-D-free, by that name, does not
+    hold the feet. Every system's poses are then held against those of the data, and those of mm-exact (or
+    mm-exact-free, where only such run) under the same commands.
     """
     from mm import course as known_courses
 
@@ -185,6 +186,9 @@ def crowd(
 
     learned, database = registry.load_models(models) if models else {}, _load(db)
     _check_models(learned, models, database)
+    why = registry.without_legs(database)
+    if why is not None:
+        _note(f"no system holds the feet: {why.what}")
     rows = crowds.measure(
         database, counts=counts, index=index, models=learned, seconds=seconds, progress=True
     )

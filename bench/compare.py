@@ -25,7 +25,7 @@ from motion import console
 from motion.errors import UserError
 
 from . import timing
-from .systems import Entry, choose
+from .systems import Entry, called, choose, without_legs
 
 if TYPE_CHECKING:
     from lmm.model import Model
@@ -89,7 +89,8 @@ def compare(
     courses : names, TOML files or courses; each lasts as long as it says, a way as long as it takes at its
         own speeds, but at most seconds.
     systems : names, families, patterns (see `bench.systems.choose`) or entries; all when None. Those that
-        this database cannot have are left out with a note, unless none is left.
+        this database cannot have are left out with a note, unless none is left. Where legs are not whole
+        those run that do not hold the feet; others, by name, are a UserError.
     indexes : search indexes of motion matching; all when None.
     models : learned ones by name (see `bench.systems.learned`); with them every system's poses are held
         against those of motion matching and of the data (see `_Yardstick`).
@@ -104,7 +105,13 @@ def compare(
         raise UserError(f"{seconds} seconds", remedy="give a number above 0")
     walk, run = speeds.of_database(database)
     played = [_prepared(c, walk, run, seed, scale) for c in courses]
-    chosen, notes = _chosen(systems, indexes, models), []
+    why, notes = without_legs(database), []
+    chosen = _chosen(systems, indexes, models, legs=why is None)
+    if why is not None:
+        if any(entry.locked for entry in chosen):
+            raise why
+        against = ", held against mm-exact-free" if models else ""
+        notes.append(f"only systems that do not hold the feet run{against}: {why.what}")
     if scale and walk > 0:
         notes.append(
             f"course speeds are scaled to the data: the fastest walk to {walk:.2f} m/s, "
@@ -113,7 +120,7 @@ def compare(
     feet = quality.Feet.of(database)
     rows, traces = [], []
     costs: dict[str, list[timing.Cost]] = {}
-    yardstick = _Yardstick(database) if models else None
+    yardstick = _Yardstick(database, legs=why is None) if models else None
     runs = [_Runs(course, feet, seconds, yardstick) for course in played]
     jobs = [(entry, on_course) for entry in chosen for on_course in runs]
     system: System | None = None
@@ -194,9 +201,11 @@ def _chosen(
     systems: Sequence[str | Entry] | None,
     indexes: Sequence[str] | None,
     models: Mapping[str, Model] | None,
+    *,
+    legs: bool,
 ) -> list[Entry]:
     if systems is None or all(isinstance(s, str) for s in systems):
-        return choose(systems, indexes=indexes, models=models)  # type: ignore[arg-type]
+        return choose(systems, indexes=indexes, models=models, legs=legs)  # type: ignore[arg-type]
     if not all(isinstance(s, Entry) for s in systems):
         raise TypeError("give systems by name or as entries, not both")
     return list(systems)  # type: ignore[arg-type]
@@ -219,9 +228,9 @@ class _Yardstick:
     mm_cm: what the rows of approximate searches have is what being out of step makes.
     """
 
-    def __init__(self, database: Database) -> None:
+    def __init__(self, database: Database, *, legs: bool) -> None:
         self._database, self.real = database, RealPoses(database)
-        self._matching = choose(["mm-exact"])[0]
+        self._matching = choose([called("mm-exact", legs)])[0]
 
     def matching(self, course: Course) -> System:
         """The motion matching that others are held against."""

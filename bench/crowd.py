@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,7 @@ from motion import console
 from motion.errors import UserError
 
 from . import timing
+from .systems import called, without_legs
 
 if TYPE_CHECKING:
     from lmm.model import Model
@@ -38,7 +40,8 @@ def measure(
 ) -> list[dict[str, Any]]:
     """A row a system and count: microseconds a character and frame, one pinned thread, warm.
 
-    Systems are motion matching with an index, and models by name with all three stages learned.
+    Systems are motion matching with an index, and models by name with all three stages learned; where legs
+    are not whole those that do not hold the feet, whose names end in -free.
 
     Characters are spread over a random user's script, so that no two do the same. us: mean with a search
     every 0.1 s and when the command changes abruptly; p99_us: 99th percentile of the frames; no_search_us:
@@ -47,11 +50,15 @@ def measure(
     """
     if not counts or min(counts) < 1:
         raise UserError(f"counts {list(counts)}", remedy="give numbers of at least 1, as 1,16,256")
-    shared = build_index(database, index, Settings())
-    systems: dict[str, Callable[..., System]] = {f"mm-{index}": partial(Controller, database, index=shared)}
+    shared, locked = build_index(database, index, Settings()), without_legs(database) is None
+    systems: dict[str, Callable[..., System]] = {
+        called(f"mm-{index}", locked): partial(Controller, database, index=shared)
+    }
     for name, model in (models or {}).items():
         model.check(database)
-        systems[f"{name}-PSD"] = _learned(model)
+        systems[called(f"{name}-PSD", locked)] = _learned(model)
+    often = Settings(foot_lock=locked)
+    never = replace(often, search_interval=NEVER, forced_search_change=NEVER)
     course = at_data_speeds(courses.load("random"), database)
     frames = max(2, round(seconds * database.fps))
     jobs = [(name, count) for name in systems for count in counts]
@@ -59,7 +66,7 @@ def measure(
     for name, count in console.progress(jobs, label="crowd", unit="crowds") if progress else jobs:
         with_search, without = (
             cost(systems[name](count=count, settings=settings), course, frames, repeats)
-            for settings in (Settings(), Settings(search_interval=NEVER, forced_search_change=NEVER))
+            for settings in (often, never)
         )
         each = 1e6 / count
         rows.append(

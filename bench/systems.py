@@ -6,6 +6,7 @@ import fnmatch
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -13,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from mm.control import System
 from mm.database import Database
+from mm.feet import joints_of_legs
 from motion.errors import UserError
 
 if TYPE_CHECKING:
@@ -27,11 +29,17 @@ class Factory(Protocol):
 
 @dataclass(frozen=True)
 class Entry:
-    """A named way to make a system of N characters from a database; family: the name up to the first dash."""
+    """A named way to make a system of N characters from a database; family: the name up to the first dash.
+
+    locked : whether it holds the feet, which takes whole legs. spare : whether it stands for a locked one
+    where legs are not whole, and elsewhere comes by its name or a pattern alone.
+    """
 
     name: str
     make: Factory
     about: str = ""
+    locked: bool = False
+    spare: bool = False
 
     @property
     def family(self) -> str:
@@ -48,6 +56,20 @@ def register(name: str, make: Factory, about: str = "") -> None:
     _REGISTERED[name] = Entry(name, make, about)
 
 
+def called(name: str, locked: bool) -> str:
+    """The name of a system that holds the feet, or of the same one that does not."""
+    return name if locked else f"{name}-free"
+
+
+def without_legs(database: Database) -> UserError | None:
+    """Why feet cannot be held on a database; None where they can."""
+    try:
+        joints_of_legs(database.skeleton, database.contact_roles)
+    except UserError as error:
+        return error
+    return None
+
+
 def motion_matching(indexes: Iterable[str] | None = None) -> list[Entry]:
     """Motion matching with each search index (all of them when None), with foot locking and without."""
     from mm import search
@@ -60,9 +82,10 @@ def motion_matching(indexes: Iterable[str] | None = None) -> list[Entry]:
     shared: dict[tuple[int, str], Any] = {}
     return [
         Entry(
-            f"mm-{index}{'' if locked else '-free'}",
+            called(f"mm-{index}", locked),
             partial(_controller, index, locked, shared),
             f"motion matching, index {index}, feet {'locked' if locked else 'as they come'}",
+            locked,
         )
         for index in chosen
         for locked in (True, False)
@@ -81,7 +104,7 @@ def _controller(
     from mm.controller import Controller, build_index
     from mm.settings import Settings
 
-    name, settings = f"mm-{index}{'' if locked else '-free'}", Settings(foot_lock=locked)
+    name, settings = called(f"mm-{index}", locked), Settings(foot_lock=locked)
     key = (id(database), index)
     if key not in shared:
         # The last one only: it serves the pair with and without locking, all of them would fill the memory.
@@ -111,17 +134,19 @@ def learned(models: Mapping[str, Model]) -> list[Entry]:
     """All ways in which networks take the place of stages: NAME-PSD is learned motion matching itself.
 
     P is projection, S stepping, D decompression: NAME-D is the decompressor alone, on an exact search. None
-    of them learned is mm-exact.
+    of them learned is mm-exact. NAME-D-free does not hold the feet; it comes by its name or a pattern, or
+    where legs are not whole.
     """
     from lmm.mixtures import COMBINATIONS
 
     out = []
     for name, model in models.items():
         shared: dict[str, Any] = {}
-        for letters in filter(None, reversed(COMBINATIONS)):
-            make = partial(_learned, name, model, letters, shared)
+        for letters, locked in product(filter(None, reversed(COMBINATIONS)), (True, False)):
+            make = partial(_learned, name, model, letters, locked, shared)
             networks = " and ".join(word for letter, word in STAGES.items() if letter in letters)
-            out.append(Entry(f"{name}-{letters}", make, f"{networks} by networks"))
+            about = f"{networks} by networks{'' if locked else ', feet as they come'}"
+            out.append(Entry(called(f"{name}-{letters}", locked), make, about, locked, spare=not locked))
     return out
 
 
@@ -129,6 +154,7 @@ def _learned(
     name: str,
     model: Model,
     letters: str,
+    locked: bool,
     shared: dict[str, Any],
     database: Database,
     count: int,
@@ -140,7 +166,7 @@ def _learned(
     from mm.settings import Settings
 
     model.check(database)
-    settings = Settings()
+    settings = Settings(foot_lock=locked)
     needed: dict[str, Any] = {}
     if letters != "PSD":  # one index and the latents serve all that need them
         if shared.get("of") is not database:
@@ -153,7 +179,7 @@ def _learned(
         settings=settings,
         count=count,
         obstacles=obstacles,
-        name=f"{name}-{letters}",
+        name=called(f"{name}-{letters}", locked),
         **needed,
     )
 
@@ -168,18 +194,23 @@ def choose(
     *,
     indexes: Iterable[str] | None = None,
     models: Mapping[str, Model] | None = None,
+    legs: bool = True,
 ) -> list[Entry]:
     """Systems by name, by family ("mm") or by pattern ("mm-*-free"), in the registry's order; all when None.
 
-    models are those that systems are made of, by name (see `learned`). A pattern that fits nothing is a
-    UserError that lists the choices.
+    models are those that systems are made of, by name (see `learned`). Where legs are not whole families and
+    patterns leave out who needs them. A pattern that fits nothing is a UserError that lists the choices.
     """
     known = entries(indexes, models)
+    usual = [e for e in known if not (e.spare if legs else e.locked)]
     if patterns is None:
-        return known
+        return usual
     chosen = []
     for pattern in patterns:
-        fitting = [e for e in known if e.family == pattern or fnmatch.fnmatchcase(e.name, pattern)]
+        fitting = [e for e in usual if e.family == pattern] or [e for e in known if e.name == pattern]
+        fitting = fitting or [
+            e for e in known if fnmatch.fnmatchcase(e.name, pattern) and (legs or not e.locked)
+        ]
         if not fitting and pattern.startswith("lmm") and not models:
             raise UserError(f"no system {pattern!r} without a model", remedy="give one that lmm train wrote")
         if not fitting:

@@ -14,6 +14,7 @@ from bench import crowd, report, systems
 from bench.cli import main
 from bench.compare import compare
 from mm.build import build
+from mm.description import Description
 from motion.errors import UserError
 
 MIXTURES = ("PSD", "SD", "PD", "PS", "D", "S", "P")
@@ -115,6 +116,48 @@ def test_a_model_without_its_compressor_still_runs_alone(database, model):
     assert any(note.startswith("lmm-D is left out: ") and "compressor" in note for note in found.notes)
 
 
+@pytest.fixture(scope="module")
+def without_legs(database, model):
+    """The same on a skeleton that nobody found a knee in."""
+    skeleton = database.skeleton
+    roles = {role: joint for role, joint in skeleton.roles.items() if role != "left_leg"}
+    bare = replace(database, skeleton=skeleton.with_roles(roles))
+    return bare, replace(model, description=Description.of(bare))
+
+
+def test_without_whole_legs_those_that_hold_no_feet_run(without_legs):
+    database, model = without_legs
+    brief = {"models": {"lmm": model}, "courses": ["still"], "seconds": 0.3, "timed_seconds": 0.1}
+    found = compare(database, indexes=["exact", "brute"], **brief)
+    free = ["mm-exact-free", "mm-brute-free", *(f"lmm-{letters}-free" for letters in MIXTURES)]
+    assert found.summary["system"].tolist()[1:] == free
+    (note,) = (note for note in found.notes if "left_toe" in note)
+    assert "only systems that do not hold the feet" in note and "\n" not in note
+    matching = found.summary.set_index("system").loc["mm-exact-free"]
+    assert matching["mm_cm"] == 0 and matching["real_cm"] < 3
+    some = compare(database, systems=["lmm", "mm-ex*"], **brief)
+    assert some.summary["system"].tolist()[1:] == [free[0], *free[2:]]
+    for name in ("mm-exact", "lmm-PSD"):
+        with pytest.raises(UserError, match="foot locking needs the whole leg of the contact 'left_toe'"):
+            compare(database, systems=["mm-exact-free", name], **brief)
+    rows = crowd.measure(database, counts=(2,), index="brute", models={"lmm": model}, seconds=0.1, repeats=1)
+    assert [row["system"] for row in rows] == ["mm-brute-free", "lmm-PSD-free"]
+
+
+def test_learned_systems_that_hold_no_feet_come_by_name(database, model):
+    def names(*patterns, legs=True):
+        chosen = systems.choose(patterns or None, indexes=["exact"], models={"lmm": model}, legs=legs)
+        return [entry.name for entry in chosen]
+
+    held = [f"lmm-{letters}" for letters in MIXTURES]
+    assert names() == ["mm-exact", "mm-exact-free", *held] and names("lmm") == held
+    assert names("lmm-SD-free", "mm-exact") == ["mm-exact", "lmm-SD-free"]
+    assert names("lmm-*-free") == [f"{name}-free" for name in held]
+    free = {entry.name: entry for entry in systems.learned({"lmm": model})}["lmm-PSD-free"]
+    system = free.make(database, 1)
+    assert system.name == "lmm-PSD-free" and not system.settings.foot_lock
+
+
 def test_crowds_of_networks_stand_beside_motion_matching(database, model):
     found = crowd.measure(
         database, counts=(1, 4), index="brute", models={"lmm": model}, seconds=0.1, repeats=1
@@ -161,6 +204,18 @@ def test_crowds_from_the_command_line(files):
     arguments = ("--counts", "2", "--index", "brute", "--seconds", "0.1", "--model", files / "walker.lmm")
     found = json.loads(bench("crowd", files / "walker.mmdb", *arguments, "--json").stdout)
     assert [row["system"] for row in found] == ["mm-brute", "lmm-PSD"]
+
+
+def test_without_whole_legs_from_the_command_line(without_legs, tmp_path):
+    path, short = tmp_path / "bare.mmdb", ("--seconds", "0.2")
+    without_legs[0].save(path)
+    done = bench("compare", path, "--courses", "still", "--systems", "mm", "--indexes", "brute", *short)
+    assert done.stdout.count("only systems that do not hold the feet run") == 1
+    done = bench("crowd", path, "--counts", "2", "--index", "brute", *short)
+    assert "mm-brute-free" in done.stdout
+    assert "note: no system holds the feet: foot locking" in done.stderr
+    failed = bench("compare", path, "--courses", "still", "--systems", "mm-brute", *short, code=2)
+    assert failed.stderr.startswith("error: foot locking needs") and failed.stderr.count("\n") == 1
 
 
 @pytest.mark.parametrize(
