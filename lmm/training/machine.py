@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import os
+import warnings
 from collections.abc import Iterator
 from typing import Any
 
@@ -37,10 +38,12 @@ def memory() -> float:
 def machine(settings: Settings) -> Iterator[None]:
     """Torch as the settings want it, put back after: threads, precision of products, the same every time.
 
-    Without the device that is asked for: a UserError.
+    Without the device that is asked for, or where its memory is full: a UserError.
     """
-    if settings.device == "cuda" and not torch.cuda.is_available():
-        raise UserError("torch finds no CUDA device", remedy="train on the processor: --device cpu")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of drivers: what they come to is told on the one line
+        if settings.device == "cuda" and not torch.cuda.is_available():
+            raise UserError("torch finds no CUDA device", remedy="train on the processor: --device cpu")
     threads, precision = torch.get_num_threads(), torch.get_float32_matmul_precision()
     deterministic = torch.are_deterministic_algorithms_enabled()
     warned = torch.is_deterministic_algorithms_warn_only_enabled()
@@ -52,6 +55,9 @@ def machine(settings: Settings) -> Iterator[None]:
             os.environ.setdefault("CUBLAS_WORKSPACE_CONFIG", ":4096:8")
             torch.use_deterministic_algorithms(True, warn_only=True)
         yield
+    except torch.OutOfMemoryError as error:
+        remedy = "end what else uses it, give smaller batches, or train on the processor: --device cpu"
+        raise UserError("the GPU's memory is full", remedy=remedy) from error
     finally:
         torch.set_num_threads(threads)
         torch.set_float32_matmul_precision(precision)
