@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import fnmatch
 import os
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motion import config, files
-from motion.errors import UserError
+from motion.errors import Note, UserError
 
 LIMIT = 32  # bits of a mask
 _EXAMPLE = "a line such as run,run*,, or turn,walk_07,120,240 under the header tag,clips,start,stop"
@@ -51,11 +52,12 @@ class _File:
 def load(path: str | os.PathLike[str]) -> tuple[Rule, ...]:
     """Rules of a file: CSV with the header ``tag,clips,start,stop``, or TOML with tables ``[[tags]]``.
 
-    A missing or malformed file or an unknown key is a UserError.
+    A missing or malformed file or an unknown key is a UserError. One without rules, such as the built-in data
+    has where nobody crouches, gives none, and a note.
     """
     rules = _load_csv(Path(path)) if str(path).lower().endswith(".csv") else config.load(_File, path).tags
     if not rules:
-        raise UserError("no tags in this file", path=path, remedy=_EXAMPLE)
+        warnings.warn(f"{os.fspath(path)}: no tags in this file", Note, stacklevel=2)
     return rules
 
 

@@ -33,7 +33,8 @@ def dancecard(output: str, minutes: float, seed: int, no_labels: bool, as_json: 
     steps to eight sides, curves, turns on the spot, pivots, starts, stops and changes of gait; every further
     round is another dancer's. Beside NAME.bvh, NAME.labels.csv has exact foot contacts, phase and gait of
     every frame, and tags.csv the crouched frames for --tags of the commands that build a database: so tagged,
-    motion matching crouches where it is asked to, and nowhere else.
+    motion matching crouches where it is asked to, and nowhere else. Less than about seven minutes may have no
+    crouching; tags.csv then is a header alone.
     """
     from . import bvh, files
     from .dancecard import FPS, GAITS, dances, names
@@ -64,7 +65,7 @@ def dancecard(output: str, minutes: float, seed: int, no_labels: bool, as_json: 
         rows.append(
             {"file": os.fspath(target), "frames": len(passage.clip), "seconds": len(passage.clip) / FPS}
         )
-    if tags:
+    if not no_labels:
         with files.atomic(folder / "tags.csv") as stream:
             stream.write("\n".join(["tag,clips,start,stop", *tags, ""]).encode())
     if as_json:

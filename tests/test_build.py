@@ -15,7 +15,7 @@ from mm import build, interchange, skeletons, tags
 from mm.database import Database
 from motion import bvh, kinematics, quat, resample, root
 from motion.clip import Clip
-from motion.errors import UserError
+from motion.errors import Note, UserError
 from motion.pose import Poses
 from motion.skeleton import Skeleton
 
@@ -324,7 +324,7 @@ TAG_FAULTS = {
     "no number": ("tag,clips,start,stop\n\nrun,run,now,\n", ":3: not a tag"),
     "no name": ("tag,clips\n,run\n", ":2: not a tag.*needs a name"),
     "header": ("name,clips\nrun,run\n", ":1: header"),
-    "empty": ("tag,clips\n", "no tags in this file"),
+    "empty": ("", ":1: header"),
     "many": ("tag,clips\n" + "".join(f"t{i},run\n" for i in range(33)), "33 different tags, at most 32"),
 }
 
@@ -335,6 +335,14 @@ def test_wrong_tags_are_refused(walker_files: Path, tmp_path: Path, text: str, m
     path.write_text(text)
     with pytest.raises(UserError, match=message):
         build.build(walker_files, tags=path)
+
+
+def test_a_tags_file_without_rules_tags_nothing_and_is_noted(walker_files: Path, tmp_path: Path) -> None:
+    path = tmp_path / "tags.csv"
+    path.write_text("tag,clips,start,stop\n")
+    with pytest.warns(Note, match=r"tags\.csv: no tags in this file"):
+        db = build.build(walker_files, tags=path, mirror=False)
+    assert db.tag_names == () and not db.tags.any()
 
 
 def test_an_unknown_key_in_a_tags_file_is_named(walker_files: Path, tmp_path: Path) -> None:

@@ -428,6 +428,15 @@ class TestCommand:
         hips = clip.positions[:, 0, 1]
         assert hips[tagged].mean() < 0.8 < hips[~tagged].mean()
 
+    def test_where_nobody_crouches_the_tags_are_a_header(self, tmp_path: Path) -> None:
+        """Also over the tags of another dance; what builds a database takes them."""
+        (tmp_path / "tags.csv").write_text("tag,clips,start,stop\ncrouch,gone,0,5\n")
+        CliRunner().invoke(main, ["dancecard", "-o", str(tmp_path), "--minutes", "0.1"])
+        assert (tmp_path / "tags.csv").read_text() == "tag,clips,start,stop\n"
+        bare = tmp_path / "bare"
+        CliRunner().invoke(main, ["dancecard", "-o", str(bare), "--minutes", "0.1", "--no-labels"])
+        assert [path.name for path in bare.iterdir()] == ["walk-straight.bvh"]
+
     def test_the_folder_is_a_source_of_clips_only(self, tmp_path: Path) -> None:
         CliRunner().invoke(main, ["dancecard", "-o", str(tmp_path), "--minutes", "0.1"])
         assert [path.name for path in sources.find([tmp_path])] == ["walk-straight.bvh"]
