@@ -73,7 +73,9 @@ class Listed(click.ParamType):
 @click.option(
     "--seconds", type=console.SECONDS, default=40.0, show_default=True, help="Of each course, at most."
 )
-@click.option("--seed", type=click.IntRange(0), help="Of the random user.  [default: the course's own]")
+@click.option(
+    "--seed", type=click.IntRange(0, 2**32 - 1), help="Of the random user.  [default: the course's own]"
+)
 @click.option(
     "--scale/--no-scale", default=True, show_default=True, help="Bring course speeds to the data's."
 )

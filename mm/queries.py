@@ -26,6 +26,8 @@ EACH = 100  # queries of a character when their number is left open: about ten s
 MOST_CHARACTERS = 1024
 CROUCH = 0.15  # share of a random user's changes that crouch, where the data can
 LONGEST = 86_400.0  # seconds of a course
+# Added to seeds, which those of courses are below: who trains and judges learned stages is no user of theirs.
+USERS = 2**32
 
 
 @dataclass(eq=False)
@@ -135,9 +137,12 @@ def record(
 
 
 def random_user(database: Database, seconds: float, *, seed: int = 0) -> Course:
-    """A random user's course at the speeds of a database, who crouches where the database has the tag."""
+    """A random user's course at the speeds of a database, who crouches where the database has the tag.
+
+    No other course has this user, whatever its seed (below 2^32).
+    """
     crouch = CROUCH if "crouch" in database.tag_names else 0.0
-    user = RandomUser(seed=seed, crouch=crouch)
+    user = RandomUser(seed=USERS + seed, crouch=crouch)
     seconds = min(max(seconds, 60.0), LONGEST)
     return at_data_speeds(courses.Course(name=f"random {seed}", random=user, seconds=seconds), database)
 

@@ -108,6 +108,7 @@ BAD = {
     "a folder as database": (("crowd", "{folder}"), "expected a database"),
     "not a database": (("search", "{text}"), "not a motion database"),
     "no seconds": (("compare", "{db}", "--seconds", "0"), "give a number above 0"),
+    "a seed of those trained on": (("compare", "{db}", "--seed", str(2**32)), "not in the range"),
     "counts": (("crowd", "{db}", "--counts", "1,x"), "'1,x' is not a list of numbers"),
     "no characters": (("crowd", "{db}", "--counts", "0"), "not in the range 1<=x"),
     "nothing listed": (("compare", "{db}", "--courses", ","), "an empty list"),

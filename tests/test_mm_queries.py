@@ -8,7 +8,7 @@ import pytest
 from mm import queries
 from mm.build import build
 from mm.controller import Controller
-from mm.course import Course, VelocityKey
+from mm.course import Course, RandomUser, VelocityKey
 from mm.settings import Settings
 
 
@@ -37,6 +37,13 @@ def test_queries_are_as_many_as_asked_and_the_same_every_time(database, recorded
     np.testing.assert_array_equal(again.current, recorded.current)
     other = queries.record(database, 600, seed=1)
     assert not np.array_equal(other.features, recorded.features)
+
+
+def test_whoever_is_recorded_is_no_user_of_a_course(database):
+    """Systems may be compared on any course: none was trained on."""
+    courses = {RandomUser(seed=seed).keys(20) for seed in range(8)}
+    recorded = {queries.random_user(database, 60, seed=seed).random.keys(20) for seed in range(8)}
+    assert len(courses) == len(recorded) == 8 and not courses & recorded
 
 
 def test_the_bound_is_the_cost_of_playing_on(database, recorded):
