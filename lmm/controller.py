@@ -11,6 +11,7 @@ from mm.controller import Controller
 from mm.database import Database
 from mm.settings import Settings
 
+from .evaluator import Products
 from .mixtures import LETTERS, letters, stages
 from .model import Model
 
@@ -23,12 +24,14 @@ def controller(
     index: str | search.Index = "exact",
     latents: NDArray | None = None,
     settings: Settings | None = None,
+    products: Products = "float32",
     compiled: bool = True,
     **options: Any,
 ) -> Controller:
     """A controller whose stages are a model's; it holds of the database what they need, nothing else.
 
-    learned, database, index, latents : see `lmm.mixtures.stages`; options : of `mm.controller.Controller`.
+    learned, database, index, latents, products : see `lmm.mixtures.stages`; options : of
+    `mm.controller.Controller`.
     """
     learned = letters(learned)
     three = stages(
@@ -38,6 +41,7 @@ def controller(
         index=index,
         latents=latents,
         settings=settings,
+        products=products,
         compiled=compiled,
     )
     options = {"name": f"lmm-{learned}" if learned else "mm"} | options

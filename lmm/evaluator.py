@@ -2,6 +2,8 @@
 
 Products are of float32 numbers, or of bfloat16 ones where the processor has instructions for them: inputs of
 every layer and weights are then rounded to 8 significant bits; sums, scales, biases and outputs stay float32.
+What is rounded of inputs changes with them from frame to frame. bfloat16x2 takes inputs as sums of two such
+numbers, 16 bits, for twice the products: only weights, whose error does not change, are rounded noticeably.
 """
 
 from __future__ import annotations
@@ -19,7 +21,7 @@ from . import kernels, kernels_numpy, lanes, tiles
 from .lanes import GROUP, LANES, PANEL, TALL
 from .network import Network, to_bfloat16
 
-Products = Literal["float32", "bfloat16"]
+Products = Literal["float32", "bfloat16", "bfloat16x2"]
 LINE = 64  # bytes of a cache line
 CONSTANT = 1e-7  # a column that varies by less than this part of the most varying one is left at its mean
 
@@ -35,12 +37,14 @@ class Packed:
     ----------
     weights : float32, uint16 (half floats) or int8, flat: of each layer its groups [inputs, 256], the last
         one narrower: outputs are padded by 0 to a multiple of 32. For bfloat16 products uint32, pairs of
-        two inputs' weights (`lmm.lanes`): inputs are padded to a multiple of 32, too.
+        two inputs' weights (`lmm.lanes`): inputs are padded to a multiple of 32, too. For bfloat16x2 each 16
+        pairs of an output stand there twice.
     numbers : float32, flat: input_mean [I], input_std [I], then of each layer scales and biases, padded.
     layers : int64 [layers, 4]: inputs (or pairs), panels, where its weights begin, where its scales begin.
     columns : int64 [V], the outputs that vary.
     constants : float32 [O], the others' values.
     elu : whether the activation is elu, not relu.
+    products : which these are for.
     """
 
     weights: NDArray
@@ -49,11 +53,17 @@ class Packed:
     columns: NDArray[np.int64]
     constants: NDArray[np.float32]
     elu: bool
+    products: Products = "float32"
 
     @property
     def paired(self) -> bool:
         """Whether products are of bfloat16 pairs."""
-        return self.weights.dtype == np.uint32
+        return self.products != "float32"
+
+    @property
+    def split(self) -> bool:
+        """Whether inputs are sums of two bfloat16 numbers."""
+        return self.products == "bfloat16x2"
 
     @property
     def nbytes(self) -> int:
@@ -62,7 +72,7 @@ class Packed:
 
     def scratch(self, count: int) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int32]]:
         """What `kernels.evaluate` works in for count rows: two blocks of rows, a panel, indices of inputs."""
-        deepest = int(self.layers[:, 0].max()) * (2 if self.paired else 1)
+        deepest = int(self.layers[:, 0].max()) * (2 if self.products == "bfloat16" else 1)
         width = max(deepest, int(self.layers[:, 1].max()) * PANEL)
         # Rows that begin a cache line further than a power of two, lest they fall into the same few sets.
         width = -(-width // PANEL) * PANEL + LANES
@@ -91,7 +101,7 @@ def pack(network: Network, products: Products = "float32") -> Packed:
     """Lay a network out for the kernels of these products."""
     columns = varying(network)
     std, mean = network.output_std.astype(np.float64), network.output_mean.astype(np.float64)
-    paired = products == "bfloat16"
+    paired = products != "float32"
     weights, layers, at = [np.zeros(0, np.uint32 if paired else network.weights[0].dtype)], [], 0
     numbers = [network.input_mean, network.input_std]
     last = len(network.weights) - 1
@@ -108,6 +118,9 @@ def pack(network: Network, products: Products = "float32") -> Packed:
         padded[:inputs, :outputs] = weight
         if paired:
             padded = _pairs(padded)
+        if products == "bfloat16x2":
+            padded = np.repeat(padded.reshape(-1, LANES, panels * PANEL), 2, axis=0)
+            padded = padded.reshape(-1, panels * PANEL)
         weights += [padded[:, p : p + GROUP * PANEL].ravel() for p in range(0, panels * PANEL, GROUP * PANEL)]
         layers.append((len(padded), panels, at, sum(map(len, numbers))))
         at += padded.size
@@ -120,6 +133,7 @@ def pack(network: Network, products: Products = "float32") -> Packed:
         columns.astype(np.int64),
         (network.biases[-1] * std + mean).astype(np.float32),
         network.activation == "elu",
+        products,
     )
 
 
@@ -140,9 +154,7 @@ def check_products(products: str, *, compiled: bool = True) -> None:
         remedy = f"choose from {', '.join(get_args(Products))}"
         raise UserError(f"no products of type {products!r}", remedy=remedy)
     if compiled and products not in products_here():
-        raise UserError(
-            f"this processor does not multiply {products} numbers", remedy="take float32 products"
-        )
+        raise UserError("this processor does not multiply bfloat16 numbers", remedy="take float32 products")
 
 
 class Evaluator:
@@ -151,7 +163,7 @@ class Evaluator:
     Parameters
     ----------
     network : what to evaluate, its weights as they are stored.
-    products : of float32 numbers, or of bfloat16 ones, which a processor without them makes a UserError.
+    products : float32, or bfloat16 or bfloat16x2, which a processor without them makes a UserError.
     count : rows to make room for; more are made room for when they come.
     compiled : use the compiled kernels; False takes their NumPy twins, for tests.
     """
@@ -164,7 +176,7 @@ class Evaluator:
         self.inputs = network.sizes[0]
         twin: Any = kernels if compiled else kernels_numpy
         if self.packed.paired:
-            self._evaluate = partial(twin.evaluate_pairs, compiled and tiles.permitted())
+            self._evaluate = partial(twin.evaluate_pairs, compiled and tiles.permitted(), self.packed.split)
         else:
             self._evaluate = twin.evaluate
         self._grow(count)

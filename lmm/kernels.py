@@ -18,6 +18,7 @@ from .lanes import (
     round_to_pairs,
     rows_times_pairs,
     rows_times_panel,
+    split_to_pairs,
 )
 from .tiles import TALL_TILES, TILE, close_tiles, open_tiles, tiles_times_pairs
 
@@ -62,10 +63,12 @@ def evaluate(x, layers, weights, numbers, columns, elu, rows_between, panel, act
 
 
 @_jit
-def evaluate_pairs(tiles, x, layers, weights, numbers, columns, elu, rows_between, panel, active, y):
+def evaluate_pairs(tiles, split, x, layers, weights, numbers, columns, elu, rows_between, panel, active, y):
     """As `evaluate`, of weights in pairs (`lmm.lanes`): inputs of every layer are rounded to bfloat16.
 
-    tiles: whether the process may use the processor's matrix tiles (`lmm.tiles`).
+    tiles: whether the process may use the processor's matrix tiles (`lmm.tiles`); split: whether inputs are
+    sums of two bfloat16 numbers, 16 pairs of the larger ones before 16 of the smaller, and weights likewise
+    stand there twice.
     """
     count, last = len(x), len(layers) - 1
     block, width = rows_between.shape[1], rows_between.shape[2]
@@ -75,13 +78,16 @@ def evaluate_pairs(tiles, x, layers, weights, numbers, columns, elu, rows_betwee
         open_tiles()
     for start in range(0, count, block):
         rows = min(block, count - start)
-        _normalise(x, start, rows, numbers, 2 * layers[0, 0], work, width)
+        _normalise(x, start, rows, numbers, layers[0, 0] if split else 2 * layers[0, 0], work, width)
         from_, to = 0, block * width
         for layer in range(last + 1):
             rectify = 1 if layer < last and not elu else 0
             for n in range(rows):
                 row = work.ctypes.data + 4 * (from_ + n * width)
-                round_to_pairs(row, row, layers[layer, 0])
+                if split:
+                    split_to_pairs(row, row, layers[layer, 0] // 2)
+                else:
+                    round_to_pairs(row, row, layers[layer, 0])
             if rows <= few:
                 for n in range(rows):
                     _one_row(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .lanes import GROUP, PANEL
+from .lanes import GROUP, LANES, PANEL
 from .layout import Layout
 from .network import elu as elu_of
 from .network import to_bfloat16
@@ -17,14 +17,22 @@ def evaluate(x, layers, weights, numbers, columns, elu, rows_between, panel, act
     _layers(x, matrices, layers, numbers, columns, elu, lambda h: h, y)
 
 
-def evaluate_pairs(tiles, x, layers, weights, numbers, columns, elu, rows_between, panel, active, y):
+def evaluate_pairs(tiles, split, x, layers, weights, numbers, columns, elu, rows_between, panel, active, y):
     """See `lmm.kernels.evaluate_pairs`."""
     matrices = []
     for layer in layers:
         pairs = _matrix(weights, *layer[:3])
+        if split:
+            pairs = pairs.reshape(-1, 2, LANES, pairs.shape[1])[:, 0].reshape(-1, pairs.shape[1])
         both = np.stack([pairs << 16, pairs & 0xFFFF0000], axis=1)
         matrices.append(both.reshape(2 * len(pairs), pairs.shape[1]).view(np.float32))
-    _layers(x, matrices, layers, numbers, columns, elu, to_bfloat16, y)
+    _layers(x, matrices, layers, numbers, columns, elu, _two_bfloat16 if split else to_bfloat16, y)
+
+
+def _two_bfloat16(x):
+    """x as the sum of two bfloat16 numbers."""
+    nearest = to_bfloat16(x)
+    return nearest + to_bfloat16(x - nearest)
 
 
 def _matrix(stored, depth, panels, first):

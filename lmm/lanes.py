@@ -232,16 +232,33 @@ def round_to_pairs(context, floats, pairs, count):
 
     Both may begin at the same address.
     """
+    return _to_pairs(1)
 
+
+@intrinsic
+def split_to_pairs(context, floats, pairs, count):
+    """Write floats [2 count] as sums of two bfloat16 numbers to pairs [2 count]; 16 divides count.
+
+    Behind 16 pairs of the nearest numbers stand 16 of what is left. Both may begin at the same address.
+    """
+    return _to_pairs(2)
+
+
+def _to_pairs(parts: int) -> tuple[Any, Callable[..., Any]]:
     def generate(context: Any, b: Any, _signature: Any, arguments: Any) -> Any:
         floats, pairs, count = arguments
         shorts = ir.VectorType(_SHORT, LANES)
         with cgutils.for_range(b, b.sdiv(count, long(LANES))) as loop:
-            places = [b.add(b.mul(loop.index, long(PANEL)), long(LANES * half)) for half in range(2)]
-            values = [_round(b, load(b, floats, place)) for place in places]
-            for place, value in zip(places, values, strict=True):
-                to = b.bitcast(_pointer(b, pairs, place, _SHORT), shorts.as_pointer())
-                b.store(b.trunc(value, shorts), to).align = 4
+            first = b.mul(loop.index, long(PANEL))
+            rest = [load(b, floats, b.add(first, long(LANES * half))) for half in range(2)]
+            for part in range(parts):
+                nearest = [_round(b, values) for values in rest]
+                for half, values in enumerate(nearest):
+                    at = b.add(b.mul(first, long(parts)), long(PANEL * part + LANES * half))
+                    to = b.bitcast(_pointer(b, pairs, at, _SHORT), shorts.as_pointer())
+                    b.store(b.trunc(values, shorts), to).align = 4
+                whole = [b.bitcast(b.shl(values, _ints(16)), _FLOATS) for values in nearest]
+                rest = [b.fsub(values, taken) for values, taken in zip(rest, whole, strict=True)]
         return context.get_dummy_value()
 
     return types.none(*[types.intp] * 3), generate

@@ -36,6 +36,7 @@ from mm.stages import (
 from motion.errors import UserError
 from motion.pose import Poses
 
+from .evaluator import Products, check_products
 from .model import Model
 from .stages import DecompressorDecompression, LatentState, ProjectorProjection, StepperStepping
 
@@ -230,6 +231,7 @@ def stages(
     index: str | search.Index = "exact",
     latents: NDArray | None = None,
     settings: Settings | None = None,
+    products: Products = "float32",
     compiled: bool = True,
 ) -> Stages:
     """Three stages, some of them learned.
@@ -243,21 +245,24 @@ def stages(
     index : a search index's name, or one built on the database; for classical Projection.
     latents : [T, L] of the database; None computes them where they are needed.
     settings : frames that are not searched.
+    products : bfloat16 makes crowds several times cheaper on processors with matrix tiles (see
+        `lmm.evaluator`); one that does not multiply such numbers is a UserError.
     compiled : use the compiled kernels; False takes their NumPy twins, for tests.
     """
     learned, settings = letters(learned), settings or Settings()
+    check_products(products, compiled=compiled)
     if database is None:
         if learned != LETTERS:
             raise UserError(
                 "stages that are not learned need the database", remedy="give it, or take all three learned"
             )
         return Stages(
-            ProjectorProjection(model, compiled=compiled),
-            StepperStepping(model, compiled=compiled),
-            DecompressorDecompression(model, compiled=compiled),
+            ProjectorProjection(model, products=products, compiled=compiled),
+            StepperStepping(model, products=products, compiled=compiled),
+            DecompressorDecompression(model, products=products, compiled=compiled),
         )
     model.check(database)
-    return _mixed(model, learned, database, index, latents, settings, compiled)
+    return _mixed(model, learned, database, index, latents, settings, products, compiled)
 
 
 def _mixed(
@@ -267,6 +272,7 @@ def _mixed(
     index: str | search.Index,
     latents: NDArray | None,
     settings: Settings,
+    products: Products,
     compiled: bool,
 ) -> Stages:
     projects, steps, decompresses = (letter in learned for letter in LETTERS)
@@ -283,7 +289,7 @@ def _mixed(
 
     projection: Projection
     if projects:
-        projection = projector = ProjectorProjection(model, compiled=compiled)
+        projection = projector = ProjectorProjection(model, products=products, compiled=compiled)
         if guessed and nearest is not None:
             projection = GuessedFrames(projector, nearest, ignore_radius=radius)
     else:
@@ -294,11 +300,12 @@ def _mixed(
 
     stepping: Stepping = FrameStepping(database, ignore_end=ignore_end)
     if steps:
-        stepping = StepperStepping(model, last=rows.data.last if rows else None, compiled=compiled)
+        last = rows.data.last if rows else None
+        stepping = StepperStepping(model, last=last, products=products, compiled=compiled)
 
     decompression: Decompression
     if decompresses:
-        decompression = decompressor = DecompressorDecompression(model, compiled=compiled)
+        decompression = decompressor = DecompressorDecompression(model, products=products, compiled=compiled)
         if fed and rows is not None:
             decompression = DecompressedFrames(decompressor, rows)
     else:

@@ -17,7 +17,7 @@ from motion.errors import UserError
 from motion.pose import Poses
 
 from . import kernels, kernels_numpy
-from .evaluator import Evaluator
+from .evaluator import Evaluator, Products
 from .frames import projector_inputs
 from .model import Model
 
@@ -91,12 +91,12 @@ class ProjectorProjection:
     in the database's normalised space. Of tags it knows "crouch" alone, and that where its data divides.
     """
 
-    def __init__(self, model: Model, *, compiled: bool = True) -> None:
+    def __init__(self, model: Model, *, products: Products = "float32", compiled: bool = True) -> None:
         description = model.description
         self.width, self.schema = model.F, description.schema
         self._crouch = np.uint32(description.crouch_tag)
         self._names = description.tag_names
-        self._network = Evaluator(model.projector, compiled=compiled)
+        self._network = Evaluator(model.projector, products=products, compiled=compiled)
 
     def guess(self, queries: NDArray[np.float32], required_tags: NDArray[np.uint32]) -> NDArray[np.float32]:
         """What the network answers [M, F + L] to queries [M, F]; a copy."""
@@ -137,10 +137,17 @@ class StepperStepping:
     last [T], the last frame of each one's range, where states are looked up in a database.
     """
 
-    def __init__(self, model: Model, *, last: NDArray[np.int32] | None = None, compiled: bool = True) -> None:
+    def __init__(
+        self,
+        model: Model,
+        *,
+        last: NDArray[np.int32] | None = None,
+        products: Products = "float32",
+        compiled: bool = True,
+    ) -> None:
         self._width, self._fps = model.F, model.description.fps
         self._middle = model.stepper.input_mean
-        self._network = Evaluator(model.stepper, compiled=compiled)
+        self._network = Evaluator(model.stepper, products=products, compiled=compiled)
         self._advance = (kernels if compiled else kernels_numpy).advance
         self._last = last
 
@@ -161,11 +168,15 @@ class StepperStepping:
 
 
 class DecompressorDecompression:
-    """The Decompressor: the pose that belongs to features and latents."""
+    """The Decompressor: the pose that belongs to features and latents.
 
-    def __init__(self, model: Model, *, compiled: bool = True) -> None:
+    With bfloat16 products it takes inputs of two such numbers: rounded to one, joints tremble by 0.2 mm.
+    """
+
+    def __init__(self, model: Model, *, products: Products = "float32", compiled: bool = True) -> None:
         self._fps = model.description.fps
-        self._network = Evaluator(model.decompressor, compiled=compiled)
+        of_two: Products = "bfloat16x2" if products == "bfloat16" else products
+        self._network = Evaluator(model.decompressor, products=of_two, compiled=compiled)
         self._unpack = (kernels if compiled else kernels_numpy).unpack
 
     def decompress(self, state: LatentState, poses: Poses, contacts: NDArray[np.uint8]) -> None:
