@@ -67,7 +67,7 @@ def load(path: str | os.PathLike[str], database: Database | None = None) -> Subj
         width = model.F
         for name in RUNTIME:
             inputs[name][:, :width] = database.features[frames]
-        if model.compressor is not None:
+        if model.knows_latents:
             latents = model.latents(database)[frames]
             inputs["decompressor"][:, width:] = inputs["stepper"][:, width:] = latents
     return Subject(networks, inputs, model)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -81,7 +80,9 @@ def export(model: str, form: str, output: str, db: str | None) -> None:
 def import_(directory: str, db: str, output: str) -> None:
     """Read the public reference's networks.
 
-    DIRECTORY holds its decompressor.bin, stepper.bin and projector.bin and, if there, latent.bin.
+    DIRECTORY holds its decompressor.bin, stepper.bin and projector.bin and, if there, latent.bin. Latents of
+    the database's frames, by which stages that read the database are mixed with networks, are kept in the
+    model; without latent.bin they are what the projector answers to the frames.
 
     Skeleton, features, their normalisation and the rate are the database's. Networks that were trained on
     another one run, but make no sense: how far their poses are off is measured and printed.
@@ -115,7 +116,9 @@ def import_(directory: str, db: str, output: str) -> None:
     help="How to store weights.",
 )
 @click.option(
-    "--without-compressor", is_flag=True, help="Leave out what only makes latents of a database's frames."
+    "--without-compressor",
+    is_flag=True,
+    help="Leave out what only makes latents of a database's frames, and stored ones.",
 )
 @click.option("--db", type=click.Path(), metavar="DB", help="Measure errors on the database of the model.")
 @console.json_option
@@ -143,7 +146,7 @@ def convert(
         before.check(database, model)
     after = before.as_type(weights)
     if without_compressor:
-        after = replace(after, compressor=None)
+        after = after.without_latents()
     after.save(output)
     rows = [_row(path, found) for path, found in ((model, before), (output, after))]
     if database is not None:
@@ -171,7 +174,7 @@ def _errors(before: Model, after: Model, database: Database) -> dict[str, Any]:
     """Of a model whose weights were stored otherwise."""
     from . import interchange
 
-    if before.compressor is not None:
+    if before.knows_latents:
         latents = before.latents(database)
     else:
         latents = interchange.projected_latents(before.projector, before.description, database)

@@ -92,9 +92,9 @@ def outputs(directory: PathLike, *, with_database: bool) -> list[Path]:
 def export_directory(model: Model, directory: PathLike, *, database: Database | None = None) -> list[Path]:
     """Write the three networks into a folder; returns the files' paths.
 
-    With the model's database ``latent.bin`` is written too, which takes the model's compressor, and
-    ``database.bin`` and ``features.bin`` (`mm.interchange.export_directory`). Where one file cannot be
-    written, none is.
+    With the model's database ``latent.bin`` is written too, which takes the model's compressor or the latents
+    stored with it, and ``database.bin`` and ``features.bin`` (`mm.interchange.export_directory`). Where one
+    file cannot be written, none is.
     """
     paths = outputs(directory, with_database=database is not None)
     if database is not None:
@@ -114,9 +114,9 @@ def import_directory(directory: PathLike, database: Database) -> Model:
     """The model of a folder's ``decompressor.bin``, ``stepper.bin`` and ``projector.bin``.
 
     What the files do not hold is taken from the database that they were trained on; what does not fit it is a
-    UserError. The compressor is in no file, so the model has none. The latents of the database's frames,
-    whose range is the model's and by which its errors are measured, come from ``latent.bin`` if it is there,
-    else they are what the projector answers to the frames.
+    UserError. The compressor is in no file, so the model has none, but the latents of the database's frames
+    themselves. They come from ``latent.bin`` if it is there, else they are what the projector answers to the
+    frames: near to them as far as the projector is good.
     """
     folder = Path(directory)
     if files.kind(folder / "decompressor.bin") != "file":
@@ -140,7 +140,8 @@ def import_directory(directory: PathLike, database: Database) -> Model:
     for name, network in networks.items():
         _check_ends(folder / f"{name}.bin", network, *ends[name], database)
     _check_normalisation(folder / "features.bin", database)
-    state_of = np.concatenate([database.features, _latents(folder, networks, description, database)], axis=1)
+    latent = _latents(folder, networks, description, database)
+    state_of = np.concatenate([database.features, latent], axis=1)
     model = Model(
         description=description,
         **networks,
@@ -152,8 +153,9 @@ def import_directory(directory: PathLike, database: Database) -> Model:
         ranges=len(database.starts),
         frames=len(database),
         training={"recipe": "imported"},
+        stored_latents=latent,
     )
-    model.errors["decompressor"] = {"all": mean_errors(model, database, state_of[:, features:])}
+    model.errors["decompressor"] = {"all": mean_errors(model, database, latent)}
     return model
 
 

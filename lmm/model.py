@@ -44,6 +44,8 @@ class Model:
     database, ranges, frames : fingerprint and size of the database that it was trained from.
     training : how: recipe, preset, seed, settings, version.
     errors : as measured after training, by part of the data.
+    stored_latents : float32 or float16 [T, L], those of the database's frames, where no compressor makes
+        them; None where one does, or where they were left out. Only stages that read the database need them.
     fingerprint : hash of all of it, as stored.
     """
 
@@ -61,6 +63,7 @@ class Model:
     frames: int = 0
     training: dict[str, Any] = field(default_factory=dict)
     errors: dict[str, Any] = field(default_factory=dict)
+    stored_latents: NDArray[np.float32] | NDArray[np.float16] | None = None
     fingerprint: str = ""
 
     def __repr__(self) -> str:
@@ -102,14 +105,32 @@ class Model:
         compressor = self.compressor and self.compressor.as_type(
             "float16" if weight_type == "int8" else weight_type
         )
-        return replace(self, **networks, compressor=compressor, fingerprint="")
+        latents = self.stored_latents
+        if latents is not None and weight_type != "float32":
+            latents = latents.astype(np.float16)
+        return replace(self, **networks, compressor=compressor, stored_latents=latents, fingerprint="")
+
+    def without_latents(self) -> Model:
+        """The same model without what only knows the latents of a database's frames."""
+        return replace(self, compressor=None, stored_latents=None, fingerprint="")
+
+    @property
+    def knows_latents(self) -> bool:
+        """Whether it has the latents of its database's frames, or can make them."""
+        return self.compressor is not None or self.stored_latents is not None
 
     def training_ranges(self, database: Database) -> NDArray[np.bool_]:
         """Which ranges [R] of its database it was trained on: not held-out clips and their mirrors."""
         return np.array([name not in self.held_out for name in database.names], bool)
 
     def latents(self, database: Database) -> NDArray[np.float32]:
-        """The latents [T, L] of a database's frames; without a compressor a UserError."""
+        """The latents [T, L] of a database's frames: those stored, of its own one, or the compressor's.
+
+        Where there are neither a UserError, and where those stored are of another database.
+        """
+        if self.stored_latents is not None:
+            self.check(database)
+            return np.asarray(self.stored_latents, np.float32)
         if self.compressor is None:
             raise UserError(
                 "this model was stored without its compressor, which makes the latents of a database",
@@ -155,6 +176,8 @@ class Model:
         for name, network in networks.items():
             arrays |= network.to_arrays(f"{name}.")
         arrays |= {name: getattr(self, name) for name in ("state_low", "state_high", "state_std")}
+        if self.stored_latents is not None:
+            arrays["stored_latents"] = self.stored_latents
         metadata = {
             "description": about,
             "activations": {name: network.activation for name, network in networks.items()},
@@ -186,6 +209,7 @@ class Model:
                 **networks,
                 **parts,
                 held_out=tuple(metadata["held_out"]),
+                stored_latents=arrays.get("stored_latents"),
                 fingerprint=fingerprint,
             )
             model.validate()
@@ -210,5 +234,11 @@ class Model:
             if (sizes[0], sizes[-1]) != (seen, self.L):
                 found = f"{sizes[0]} inputs and {sizes[-1]} outputs"
                 raise ValueError(f"compressor of {found}, expected {seen, self.L}")
-        ranges = ("state_low", "state_high", "state_std")
-        files.check_shapes(vars(self), {name: ("float32", (state,)) for name in ranges})
+        shapes: dict[str, Any] = dict.fromkeys(
+            ("state_low", "state_high", "state_std"), ("float32", (state,))
+        )
+        latents = self.stored_latents
+        if latents is not None:
+            kind = "float16" if latents.dtype == np.float16 else "float32"
+            shapes["stored_latents"] = kind, (self.frames, self.L)
+        files.check_shapes(vars(self), shapes)

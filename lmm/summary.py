@@ -37,6 +37,7 @@ def describe(model: Model, path: str) -> dict[str, Any]:
         "schema": about.schema.name,
         "features": model.F,
         "latent": model.L,
+        "stored_latents_bytes": 0 if model.stored_latents is None else model.stored_latents.nbytes,
         "database": model.database,
         "database_frames": model.frames,
         "database_ranges": model.ranges,
@@ -65,6 +66,12 @@ def show(facts: dict[str, Any]) -> None:
     print(f"held out     {', '.join(held_out) or 'nothing'}")
     print(f"training     {how or 'unknown'}")
     print(f"megabytes    {facts['file_bytes'] / 1e6:.2f} in the file; at run time {sizes}")
+    stored = facts["stored_latents_bytes"]
+    if stored:
+        print(
+            f"latents      {stored / 1e6:.2f} MB in the file, of the database's frames; only stages that "
+            "read the database need them"
+        )
     rows = [
         {"network": name, **network, "sizes": "-".join(map(str, network["sizes"]))}
         for name, network in facts["networks"].items()

@@ -65,6 +65,19 @@ def test_networks_go_out_and_come_in(folder: Path, tmp_path: Path) -> None:
     assert found == pytest.approx(expected, rel=1e-4) and f"{found:.2f} cm" in done.stdout
     assert ("hardly of this database" in done.stderr) == (found > 10)
 
+    # The latents came along, so that it mixes with the database; smaller files leave them out.
+    assert again.compressor is None and again.knows_latents
+    facts = json.loads(run("info", tmp_path / "again.lmm", "--json").stdout)
+    assert facts["stored_latents_bytes"] == 4 * again.L * again.frames
+    assert "MB in the file, of the database's frames" in run("info", tmp_path / "again.lmm").stdout
+    small = tmp_path / "small.lmm"
+    converted = run("convert", tmp_path / "again.lmm", "-o", small, "--weights", "float16", "--db", db)
+    assert converted.exit_code == 0, converted.output
+    assert Model.load(small).stored_latents.dtype == np.float16  # type: ignore[union-attr]
+    bare = tmp_path / "bare.lmm"
+    assert run("convert", small, "-o", bare, "--weights", "int8", "--without-compressor").exit_code == 0
+    assert not Model.load(bare).knows_latents
+
 
 def test_networks_of_other_data_are_said_to_be_off(tmp_path: Path) -> None:
     db = lmm_models.database()

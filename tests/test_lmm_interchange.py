@@ -165,11 +165,12 @@ def test_a_model_comes_back_from_its_folder(tmp_path: Path, crouch: bool) -> Non
     for name in ("state_low", "state_high", "state_std"):
         np.testing.assert_allclose(getattr(again, name), getattr(model, name), rtol=1e-4, atol=1e-5)
     assert again.compressor is None and again.L == model.L
+    np.testing.assert_array_equal(again.latents(db), model.latents(db))
     assert again.description.crouch_tag == model.description.crouch_tag
     again.check(db)
     again.save(tmp_path / "model")
-    interchange.export_directory(Model.load(tmp_path / "model"), tmp_path / "twice")
-    for name in RUNTIME:
+    interchange.export_directory(Model.load(tmp_path / "model"), tmp_path / "twice", database=db)
+    for name in (*RUNTIME, "latent"):
         one, other = (tmp_path / folder / f"{name}.bin" for folder in ("out", "twice"))
         assert one.read_bytes() == other.read_bytes(), name
 
@@ -182,6 +183,7 @@ def test_latents_are_the_projector_s_where_none_are_given(tmp_path: Path) -> Non
     crouched = (db.tags & model.description.crouch_tag != 0)[:, None].astype(np.float32)
     assert 0 < crouched.mean() < 1
     answers = model.projector.evaluate(np.concatenate([db.features, crouched], axis=1))[:, model.F :]
+    np.testing.assert_allclose(again.latents(db), answers, atol=1e-5)
     np.testing.assert_allclose(again.state_low[model.F :], answers.min(axis=0), atol=1e-5)
     np.testing.assert_allclose(again.state_high[model.F :], answers.max(axis=0), atol=1e-5)
 

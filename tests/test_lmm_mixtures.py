@@ -63,6 +63,26 @@ def test_every_mixture_drives_characters_as_its_twin_does(model, database, learn
 
 
 @pytest.mark.parametrize("learned", COMBINATIONS)
+def test_every_mixture_takes_bfloat16_products(model, database, learned):
+    if "bfloat16" not in products_here():
+        pytest.skip("this processor does not multiply bfloat16 numbers")
+    rough, exact = (
+        drive(controller(model, database, learned, count=40, products=products), 12)
+        for products in ("bfloat16", "float32")
+    )
+    apart = np.abs(rough["positions"] - exact["positions"])
+    assert (apart.max() > 0) == bool(learned) and np.median(apart) < 0.01
+    np.testing.assert_allclose(rough["query"], exact["query"], atol=0.3)
+
+
+@pytest.mark.parametrize("learned", ["", "S", "PSD"])
+def test_bfloat16_products_are_refused_where_the_processor_has_none(model, database, monkeypatch, learned):
+    monkeypatch.setattr(lanes, "MULTIPLIES_PAIRS", False)
+    with pytest.raises(UserError, match="does not multiply bfloat16 numbers"):
+        controller(model, database, learned, products="bfloat16")
+
+
+@pytest.mark.parametrize("learned", COMBINATIONS)
 def test_one_character_does_what_each_of_many_does(model, database, learned):
     one, many = (drive(controller(model, database, learned, count=count), 40) for count in (1, 64))
     for name in ("positions", "rotations", "query"):
@@ -319,13 +339,8 @@ def test_mixtures_need_the_database_that_the_model_was_trained_from(model, datab
 def test_official_networks_drive_in_all_mixtures(data, learned):
     database = databases.import_directory(data / "reference/oracle")
     model = interchange.import_directory(data / "reference/orangeduck", database)
-    latents = model.projector.evaluate(database.features)[
-        :, model.F :
-    ]  # near to those that were not published
     settings = Settings(foot_lock=False)
-    system = controllers.controller(
-        model, learned=learned, database=database, latents=latents, settings=settings
-    )
+    system = controllers.controller(model, learned=learned, database=database, settings=settings)
     records = drive(system, 120)
     assert all(np.isfinite(records[name]).all() for name in ("positions", "rotations", "query"))
     if learned == "PSD":

@@ -22,6 +22,7 @@ def _same(one: Model, other: Model) -> None:
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
     for name in ("held_out", "database", "ranges", "frames", "training", "errors", "F", "L", "fingerprint"):
         assert getattr(one, name) == getattr(other, name), name
+    np.testing.assert_array_equal(one.stored_latents, other.stored_latents)
     for name in ("decompressor", "stepper", "projector", "compressor"):
         mine, its = getattr(one, name), getattr(other, name)
         assert (mine is None) == (its is None)
@@ -55,6 +56,32 @@ def test_without_compressor(tmp_path: Path) -> None:
     _same(Model.load(tmp_path / "model"), model)
     with pytest.raises(UserError, match="stored without its compressor"):
         model.latents(db)
+
+
+@pytest.mark.parametrize("kind", ["float32", "float16"])
+def test_latents_may_be_stored_instead(tmp_path: Path, kind: str) -> None:
+    db = lmm_models.database()
+    made = lmm_models.model(db)
+    latents = made.latents(db).astype(kind)
+    model = replace(made, compressor=None, stored_latents=latents)
+    model.save(tmp_path / "model")
+    again = Model.load(tmp_path / "model")
+    _same(again, model)
+    found = again.latents(db)
+    assert found.dtype == np.float32 and again.knows_latents
+    np.testing.assert_array_equal(found, latents.astype(np.float32))
+    # Nothing that runs needs them.
+    assert model.memory() == made.memory()
+    assert again.as_type("int8").stored_latents.dtype == np.float16  # type: ignore[union-attr]
+    with pytest.raises(UserError, match="not of this database"):
+        again.latents(lmm_models.database(fps=30.0))
+    bare = again.without_latents()
+    assert not bare.knows_latents
+    with pytest.raises(UserError, match="stored without its compressor"):
+        bare.latents(db)
+    replace(again, stored_latents=latents[1:]).save(tmp_path / "short")
+    with pytest.raises(UserError, match="stored_latents"):
+        Model.load(tmp_path / "short")
 
 
 def test_sizes_and_bytes() -> None:
