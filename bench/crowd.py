@@ -25,6 +25,7 @@ from .systems import called, without_legs
 if TYPE_CHECKING:
     from lmm.model import Model
 
+ENDINGS = {"float32": "", "bfloat16": "-bf16"}
 NEVER = 1e6  # seconds between searches, metres a second per second: none but at a clip's end
 
 
@@ -40,8 +41,9 @@ def measure(
 ) -> list[dict[str, Any]]:
     """A row a system and count: microseconds a character and frame, one pinned thread, warm.
 
-    Systems are motion matching with an index, and models by name with all three stages learned; where legs
-    are not whole those that do not hold the feet, whose names end in -free.
+    Systems are motion matching with an index, and models by name with all three stages learned, once more
+    with -bf16 where the processor multiplies bfloat16 numbers; where legs are not whole those that do not
+    hold the feet, whose names end in -free.
 
     Characters are spread over a random user's script, so that no two do the same. us: mean with a search
     every 0.1 s and when the command changes abruptly; p99_us: 99th percentile of the frames; no_search_us:
@@ -56,7 +58,8 @@ def measure(
     }
     for name, model in (models or {}).items():
         model.check(database)
-        systems[called(f"{name}-PSD", locked)] = _learned(model)
+        for products, ending in _products().items():
+            systems[called(f"{name}-PSD{ending}", locked)] = _learned(model, products)
     often = Settings(foot_lock=locked)
     never = replace(often, search_interval=NEVER, forced_search_change=NEVER)
     course = at_data_speeds(courses.load("random"), database)
@@ -85,10 +88,17 @@ def measure(
     return rows
 
 
-def _learned(model: Model) -> Callable[..., System]:
+def _products() -> dict[Any, str]:
+    """What this processor multiplies, and how names of systems say so."""
+    from lmm.evaluator import products_here
+
+    return {name: ending for name, ending in ENDINGS.items() if name in products_here()}
+
+
+def _learned(model: Model, products: Any) -> Callable[..., System]:
     from lmm.controller import controller
 
-    return partial(controller, model)
+    return partial(controller, model, products=products)
 
 
 def cost(system: System, course: Course, frames: int, repeats: int) -> timing.Cost:

@@ -13,11 +13,13 @@ from click.testing import CliRunner
 from bench import crowd, report, systems
 from bench.cli import main
 from bench.compare import compare
+from lmm.evaluator import products_here
 from mm.build import build
 from mm.description import Description
 from motion.errors import UserError
 
 MIXTURES = ("PSD", "SD", "PD", "PS", "D", "S", "P")
+IN_CROWDS = ["mm-brute", "lmm-PSD", *(["lmm-PSD-bf16"] if "bfloat16" in products_here() else [])]
 
 
 @pytest.fixture(scope="module")
@@ -141,7 +143,7 @@ def test_without_whole_legs_those_that_hold_no_feet_run(without_legs):
         with pytest.raises(UserError, match="foot locking needs the whole leg of the contact 'left_toe'"):
             compare(database, systems=["mm-exact-free", name], **brief)
     rows = crowd.measure(database, counts=(2,), index="brute", models={"lmm": model}, seconds=0.1, repeats=1)
-    assert [row["system"] for row in rows] == ["mm-brute-free", "lmm-PSD-free"]
+    assert [row["system"] for row in rows] == [f"{name}-free" for name in IN_CROWDS]
 
 
 def test_learned_systems_that_hold_no_feet_come_by_name(database, model):
@@ -163,7 +165,7 @@ def test_crowds_of_networks_stand_beside_motion_matching(database, model):
         database, counts=(1, 4), index="brute", models={"lmm": model}, seconds=0.1, repeats=1
     )
     assert [(row["system"], row["characters"]) for row in found] == [
-        (system, count) for system in ("mm-brute", "lmm-PSD") for count in (1, 4)
+        (system, count) for system in IN_CROWDS for count in (1, 4)
     ]
     for row in found:
         assert row["us"] <= row["p99_us"] and row["decompression_us"] > 0
@@ -203,7 +205,7 @@ def test_several_models_are_told_apart(files, model, tmp_path):
 def test_crowds_from_the_command_line(files):
     arguments = ("--counts", "2", "--index", "brute", "--seconds", "0.1", "--model", files / "walker.lmm")
     found = json.loads(bench("crowd", files / "walker.mmdb", *arguments, "--json").stdout)
-    assert [row["system"] for row in found] == ["mm-brute", "lmm-PSD"]
+    assert [row["system"] for row in found] == IN_CROWDS
 
 
 def test_without_whole_legs_from_the_command_line(without_legs, tmp_path):

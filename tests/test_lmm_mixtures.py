@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from lmm import controller as controllers
-from lmm import interchange, mixtures
+from lmm import interchange, lanes, mixtures
+from lmm.evaluator import products_here
 from lmm.mixtures import COMBINATIONS, Nearest, Rows
 from lmm.stages import LatentState
 from mm import interchange as databases
@@ -71,7 +72,9 @@ def test_every_mixture_takes_bfloat16_products(model, database, learned):
         for products in ("bfloat16", "float32")
     )
     apart = np.abs(rough["positions"] - exact["positions"])
-    assert (apart.max() > 0) == bool(learned) and np.median(apart) < 0.01
+    assert np.median(apart) < 0.01
+    if "D" in learned:  # elsewhere poses are those of frames
+        assert apart.max() > 0
     np.testing.assert_allclose(rough["query"], exact["query"], atol=0.3)
 
 
