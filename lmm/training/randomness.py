@@ -23,9 +23,9 @@ def generator(seed: int, stage: str, iteration: int = 0) -> np.random.Generator:
 
 
 def users(seed: int) -> tuple[int, int]:
-    """Seeds of the random users that a training learns from and is judged by; large, unlike anyone's own."""
+    """Seeds of the random users that a training learns from and is judged by: unlike those of evaluations."""
     training, judging = sequence(seed, "users").generate_state(2, np.uint32)
-    return 2**32 + int(training), 2**32 + int(judging)
+    return int(training), int(judging)
 
 
 @contextlib.contextmanager
