@@ -26,7 +26,8 @@ from . import timing
 
 Array = NDArray[np.float32]
 KERNELS = ("ours", "numpy", "loop")
-WEIGHTS = (*get_args(WeightType), "bfloat16")
+PAIRED = ("bfloat16", "bfloat16x2")
+WEIGHTS = (*get_args(WeightType), *PAIRED)
 INTERVAL = 6  # frames from projection to projection
 SAMPLE = 2048  # inputs that errors are measured on
 LEAST = 0.05  # seconds of measuring each number
@@ -84,8 +85,9 @@ def measure(
     """Rows of each network, and of all of them in a frame with a projection in every six; one pinned thread.
 
     kernel: ours (`lmm.evaluator`), numpy (its twin) or loop (compiled as the public reference's C++ is
-    written, one character at a time). weights: how they are stored, or bfloat16 for products of such numbers;
-    None for all that this processor can. mb as it stands in memory; error_max and error_mean against float32,
+    written, one character at a time). weights: how they are stored, or products that stages take for
+    bfloat16 (decompressors bfloat16x2, the others bfloat16), None for all that this processor can. mb as it
+    stands in memory; error_max and error_mean against float32,
     in standard deviations of the outputs; error_cm and error_max_cm of joints after forward
     kinematics, for decompressors whose skeleton is known. us_N: microseconds a character among N, the best
     of repeats; of_loop_N, of_numpy_N: the share of what theirs take for float32 weights.
@@ -93,7 +95,7 @@ def measure(
     NumPy takes as many threads as its library is told to: set OPENBLAS_NUM_THREADS=1 to compare.
     """
     if weights is None:
-        weights = [name for name in WEIGHTS if name != "bfloat16" or name in products_here()]
+        weights = [name for name in WEIGHTS if name not in PAIRED or name in products_here()]
     unknown = [name for name in weights if name not in WEIGHTS]
     if unknown:
         raise UserError(f"no weights of type {unknown[0]!r}", remedy=f"choose of {', '.join(WEIGHTS)}")
@@ -126,8 +128,8 @@ def _row(
     subject: Subject, name: str, kernel: str, weights: Any, counts: Sequence[int], repeats: int
 ) -> dict[str, Any]:
     exact = subject.networks[name].as_type("float32")
-    network = exact if weights == "bfloat16" else subject.networks[name].as_type(weights)
-    run, size = _runner(network, kernel, "bfloat16" if weights == "bfloat16" else "float32")
+    network = exact if weights in PAIRED else subject.networks[name].as_type(weights)
+    run, size = _runner(network, kernel, weights if weights in PAIRED else "float32")
     x = np.ascontiguousarray(np.resize(subject.inputs[name], (max(*counts, SAMPLE), network.sizes[0])))
     expected, found = exact.evaluate(x[:SAMPLE]), run(x[:SAMPLE]).copy()
     columns = exact.output_std > BARELY * exact.output_std.max()

@@ -44,7 +44,7 @@ def test_rows_say_what_each_network_costs_and_loses(folder):
         ("ours", "float32"),
         ("ours", "float16"),
         ("ours", "int8"),
-        *([("ours", "bfloat16")] if "bfloat16" in products_here() else []),
+        *(("ours", name) for name in ("bfloat16", "bfloat16x2") if name in products_here()),
         ("numpy", "float32"),
         ("loop", "float32"),
     ]
@@ -60,9 +60,9 @@ def test_rows_say_what_each_network_costs_and_loses(folder):
         assert by[name, "numpy", "float32"]["error_max"] == 0
         if "bfloat16" in products_here():
             rough = by[name, "ours", "bfloat16"]
-            assert (
-                half["error_mean"] < rough["error_mean"] < bytes_["error_mean"] and rough["mb"] < same["mb"]
-            )
+            finer = by[name, "ours", "bfloat16x2"]
+            assert half["error_mean"] < finer["error_mean"] < rough["error_mean"] < bytes_["error_mean"]
+            assert rough["mb"] < same["mb"]
         for count in (1, 5):
             assert same[f"of_loop_{count}"] == pytest.approx(
                 same[f"us_{count}"] / by[name, "loop", "float32"][f"us_{count}"]
