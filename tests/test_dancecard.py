@@ -225,9 +225,9 @@ class TestSteps:
                 else:
                     assert 0.10 < flight < 0.50 and double == 0
 
-    def test_phase_is_0_where_the_left_foot_strikes_and_half_where_the_right_does(self) -> None:
+    def test_phase_is_0_where_the_right_foot_strikes_and_half_where_the_left_does(self) -> None:
         passage, even = straight(1.3, "walk")
-        for side, at in (("left", 0.0), ("right", np.pi)):
+        for side, at in (("left", np.pi), ("right", 0.0)):
             first = CONTACTS.index(f"{side}_heel")
             on = passage.labels.contacts[:, first]
             struck = np.flatnonzero((on[1:] == 1) & (on[:-1] == 0)) + 1
@@ -236,6 +236,24 @@ class TestSteps:
             assert np.abs(off).max() < 2 * np.pi * 0.9 / 60 * 1.5  # the next frame, at 0.9 strides a second
         steps = np.diff(np.unwrap(passage.labels.phase[even]))
         assert steps.min() > 0
+
+    def test_phase_at_every_strike(self, round_: list[Passage]) -> None:
+        off = []
+        for passage in round_:
+            for first, at in ((0, np.pi), (2, 0.0)):
+                on = passage.labels.contacts[:, first : first + 2].any(axis=1)
+                struck = np.flatnonzero(on[1:] & ~on[:-1]) + 1
+                off += np.abs(np.angle(np.exp(1j * (passage.labels.phase[struck] - at)))).tolist()
+        assert len(off) > 900 and np.mean(np.array(off) < 0.4) > 0.99  # a frame and a half in a run
+
+    def test_phase_never_stops_and_is_slow_in_a_stand(self, round_: list[Passage]) -> None:
+        rates = [np.mod(np.diff(passage.labels.phase), 2 * np.pi) * 60 for passage in round_]
+        gaits = [passage.labels.gait[1:] for passage in round_]
+        assert min(rate.min() for rate in rates) > 0 and max(rate.max() for rate in rates) < 10 * np.pi
+        means = [
+            np.concatenate([r[g == k] for r, g in zip(rates, gaits, strict=True)]).mean() for k in range(3)
+        ]
+        assert means[0] < 2.5 < 4 < means[1] < means[2]
 
     def test_gait_labels(self) -> None:
         moves = [Move(3), Move(4, 1.2), Move(4, 3.0, gait="run"), Move(4, 0.8, gait="crouch"), Move(4)]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import files
+from .. import files, strides
 from .curves import Array
 from .feet import Foot
 from .path import Path
@@ -25,8 +25,8 @@ class Labels:
     Attributes
     ----------
     contacts : uint8 [T, 4], whether each of `CONTACTS` rests on the ground (a toe means the toe joint).
-    phase : float64 [T], radians in 0 to 2 pi: 0 where the left foot strikes, pi where the right one does.
-        It rests while both feet stand longer than between two steps.
+    phase : float64 [T], radians in 0 to 2 pi: 0 where the right foot strikes, pi where the left one does,
+        slow while both stand (`motion.strides`).
     gait : uint8 [T], index into `GAITS`; who stands crouched crouches.
     """
 
@@ -43,32 +43,10 @@ class Labels:
 
 def label(path: Path, stances: tuple[Stances, Stances], feet: tuple[Foot, Foot], stand: Array) -> Labels:
     """Labels of what was planned; stand [T] is the share of standing."""
+    stood = [np.stack([s.array("on"), s.array("off")], axis=-1) for s in stances]
     contacts = np.stack([part for foot in feet for part in (foot.heel, foot.toe)], axis=-1)
     gait = np.select([path.crouching > 0.5, stand > 0.5, path.running > 0.5], [3, 0, 2], 1)
-    return Labels(contacts.astype(np.uint8), phase(path.time, stances), gait.astype(np.uint8))
-
-
-def phase(time: Array, stances: tuple[Stances, Stances]) -> Array:
-    """Phase at times: half a turn from strike to strike of the other foot, a whole one to the same foot's.
-
-    It goes on evenly, but in a stand waits until just before the next foot leaves the ground.
-    """
-    strikes = sorted(
-        (on, foot, off)
-        for foot, stance in enumerate(stances)
-        for on, off in zip(stance.on[1:], stance.off[:-1], strict=True)
-    )
-    knots, values = [time[0] - 2.0], [0.0]
-    before = None
-    for on, foot, off in strikes:
-        step = np.pi if before is None or foot != before else 2 * np.pi
-        if before is None and foot == 0:
-            values[0] = np.pi
-        start = max(knots[-1] + 1e-6, min(off - 0.35, on - 1e-3))
-        knots += [start, on]
-        values += [values[-1], values[-1] + step]
-        before = foot
-    return np.mod(np.interp(time, knots, values), 2 * np.pi)
+    return Labels(contacts.astype(np.uint8), strides.phase(path.time, *stood), gait.astype(np.uint8))
 
 
 def spans(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
