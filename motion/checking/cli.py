@@ -69,6 +69,7 @@ def check(
     from ..check import check as findings_of
     from ..check import good_spans
     from ..resample import crop
+    from ..targets import Targets
 
     if trim != (output is not None):
         raise click.UsageError("give --trim and -o FOLDER together")
@@ -79,8 +80,8 @@ def check(
     paths = [path for path in paths if path not in book.excluded]
     for note in book.notes:
         click.echo(f"note: {note}", err=True)
-    targets = _Targets(output, files, paths, "_0.bvh") if output is not None else None
-    pictures = _Targets(plot, files, paths, ".png") if plot is not None else None
+    targets = Targets(output, files, paths, "_0.bvh") if output is not None else None
+    pictures = Targets(plot, files, paths, ".png") if plot is not None else None
     reports, written = [], 0
     for path, clip in _read(paths, book):
         if isinstance(clip, UserError):
@@ -132,42 +133,6 @@ def _read(paths: Sequence[Path], book: Book) -> Iterator[tuple[Path, Clip | User
             yield path, error
         else:
             yield path, clip
-
-
-class _Targets:
-    """Places in a folder for what is written about each clip, in folders as below the sources."""
-
-    def __init__(self, folder: str, sources: Sequence[str], clips: Sequence[Path], suffix: str) -> None:
-        """A UserError if two clips would be written to one place, or one over what is read."""
-        from .. import files
-        from .. import sources as reading
-
-        if files.kind(folder) not in ("folder", None):
-            raise UserError("not a folder", path=folder, remedy="name a folder to write to")
-        self._stems: dict[Path, Path] = {}
-        self._inputs = reading.inputs(sources)
-        taken: set[Path] = set()
-        for clip in clips:
-            file, animation = reading.split(clip)
-            above = next((Path(s) for s in sources if Path(s) in file.parents), file.parent)
-            name = file.stem + (f"_{animation}" if animation else "")
-            stem = Path(folder, file.relative_to(above).parent, name)
-            if stem in taken:  # of two formats
-                stem = stem.with_name(f"{name}_{file.suffix[1:]}")
-            if stem in taken:
-                what = f"another clip would be written to {stem}{suffix}, too"
-                raise UserError(what, path=clip, remedy="check them apart")
-            taken.add(stem)
-            self._stems[clip] = stem
-            self.path(clip, suffix)
-
-    def path(self, clip: Path, suffix: str) -> Path:
-        """Where to write about a clip."""
-        from .. import files
-
-        target = self._stems[clip].with_name(self._stems[clip].name + suffix)
-        files.check_output(target, inputs=self._inputs)
-        return target
 
 
 def _print(reports: Sequence[Report], as_json: bool) -> None:
