@@ -1,0 +1,195 @@
+"""A phase-functioned network's hot loops, compiled; `lmm.pfnn.kernels_numpy` is the obvious twin.
+
+A layer is linear in its weights: x W(p) = the sum over weight sets of share x W_s. So a row is laid out as
+one of all sets that its phase needs, [share_1 x, share_1, share_2 x, share_2, ..], and goes through plain
+products with the sets' weights and biases on top of each other. Rows of one first set go together.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+
+from ..lanes import GROUP, PANEL, SHORT, TALL, active_times_panels, panel_to_floats, rows_times_panel
+
+_jit = numba.njit(cache=True, nogil=True, error_model="numpy")
+
+BLOCK = 96  # rows that go through all layers together, at most
+FEW, FEW_HALVES = 3, 6  # up to so many rows each goes by itself, past inputs that are 0
+MANY = 2 * TALL  # from so many rows on, a panel is copied to stand in few cache lines
+
+
+@_jit
+def share(phases, sets, used, first, shares):
+    """Write which sets phases [N] need to first [N] and shares [N, used], see `lmm.pfnn.spline.shares`."""
+    for n in range(len(phases)):
+        if used == 4:
+            place = phases[n] * (4 / (2 * math.pi))
+            begin = math.floor(place)
+            w = place - begin
+            k = int(begin)
+            first[n] = 0
+            shares[n, (k - 1) % 4] = -w / 2 + w * w - w * w * w / 2
+            shares[n, k % 4] = 1 - 5 / 2 * w * w + 3 / 2 * w * w * w
+            shares[n, (k + 1) % 4] = w / 2 + 2 * w * w - 3 / 2 * w * w * w
+            shares[n, (k + 2) % 4] = -w * w / 2 + w * w * w / 2
+        else:
+            place = phases[n] * (sets / (2 * math.pi))
+            begin = math.floor(place if used == 2 else place + 0.5)
+            first[n] = int(begin) % sets
+            shares[n, 0] = 1
+            if used == 2:
+                shares[n, 0], shares[n, 1] = 1 - (place - begin), place - begin
+
+
+@_jit
+def sort(first, sets, order, ends):
+    """Write rows [N] by their first set to order, and where each set's rows end to ends [sets]."""
+    ends[:] = 0
+    for n in range(len(first)):
+        ends[first[n]] += 1
+    total = 0
+    for s in range(sets):
+        total += ends[s]
+        ends[s] = total - ends[s]  # where it begins, until its rows are placed
+    for n in range(len(first)):
+        order[ends[first[n]]] = n
+        ends[first[n]] += 1
+
+
+@_jit
+def evaluate(x, phases, sets, used, layers, weights, numbers, first, shares, order, ends, work, wide, panel,
+             active, y):  # fmt: skip
+    """Write the network's outputs of x [N, I] at phases [N] to y [N, O].
+
+    layers, weights, numbers: see `lmm.pfnn.evaluator.Packed`; the rest is scratch for N rows.
+    """
+    share(phases, sets, used, first, shares)
+    sort(first, sets, order, ends)
+    few = FEW if weights.itemsize == 4 else FEW_HALVES
+    block, begin = len(work), 0
+    for s in range(sets):
+        while begin < ends[s]:
+            rows = min(block, ends[s] - begin)
+            _normalise(x, order[begin : begin + rows], numbers, work)
+            for layer in range(len(layers)):
+                inputs, outputs = layers[layer, 0], layers[layer, 1] * PANEL
+                for n in range(rows):
+                    _widen(work[n], shares[order[begin + n]], inputs, wide[n])
+                if rows <= few:
+                    for n in range(rows):
+                        _one_row(
+                            layers[layer], weights, numbers, sets, used, s, wide[n], active, panel, work[n]
+                        )
+                else:
+                    _many_rows(layers[layer], weights, numbers, sets, used, s, wide, rows, panel, work)
+                if layer < len(layers) - 1:
+                    for n in range(rows):
+                        _elu(work[n], outputs)
+            for n in range(rows):
+                row = order[begin + n]
+                for o in range(y.shape[1]):
+                    y[row, o] = work[n, o]
+            begin += rows
+
+
+@_jit
+def _normalise(x, rows, numbers, work):
+    """Rows of x, each number in units of its column's deviation."""
+    inputs = x.shape[1]
+    for n in range(len(rows)):
+        row = rows[n]
+        for i in range(inputs):
+            work[n, i] = (x[row, i] - numbers[i]) / numbers[inputs + i]
+
+
+@_jit
+def _widen(row, shares, inputs, wide):
+    """A row and a 1 behind it, times every share."""
+    for u in range(len(shares)):
+        at, part = u * (inputs + 1), shares[u]
+        for i in range(inputs):
+            wide[at + i] = part * row[i]
+        wide[at + inputs] = part
+
+
+@_jit
+def _elu(row, count):
+    for k in range(count):
+        if row[k] <= 0:
+            row[k] = math.expm1(row[k])
+
+
+@_jit
+def _panel(first, depth, panels, p):
+    """Where panel p of a layer begins, of so many inputs in all, and how far its inputs are apart."""
+    group = p // GROUP * GROUP
+    return first + PANEL * (group * depth + p - group), PANEL * min(GROUP, panels - group)
+
+
+@_jit
+def _one_row(layer, weights, numbers, sets, used, s, wide, active, values, y):
+    """One row through one layer: only inputs that are not 0 count."""
+    depth, panels, first = layer[0] + 1, layer[1], layer[2]
+    scale = numbers.ctypes.data + 4 * layer[3]
+    bias = scale + 4 * panels * PANEL
+    count = 0
+    for u in range(used):
+        begin = (s + u) % sets * depth
+        for i in range(depth):
+            value = wide[u * depth + i]
+            active[count], values[count] = begin + i, value
+            count += value != 0
+    listed, value, p = active.ctypes.data, values.ctypes.data, 0
+    while p < panels:
+        at, stride = _panel(first, sets * depth, panels, p)
+        place = 4 * p * PANEL
+        to = y.ctypes.data + place
+        if p + GROUP <= panels:
+            active_times_panels(
+                GROUP, weights, at, stride, listed, value, count, scale + place, bias + place, 0, to
+            )
+            p += GROUP
+        elif p + 2 <= panels:
+            active_times_panels(
+                2, weights, at, stride, listed, value, count, scale + place, bias + place, 0, to
+            )
+            p += 2
+        else:
+            active_times_panels(
+                1, weights, at, stride, listed, value, count, scale + place, bias + place, 0, to
+            )
+            p += 1
+
+
+@_jit
+def _many_rows(layer, weights, numbers, sets, used, s, wide, rows, floats, y):
+    """Rows through one layer, panel by panel; rows beyond, up to a multiple of SHORT, are computed too."""
+    depth, panels, first = layer[0] + 1, layer[1], layer[2]
+    scale = numbers.ctypes.data + 4 * layer[3]
+    bias = scale + 4 * panels * PANEL
+    wide_width, width = wide.shape[1], y.shape[1]
+    for p in range(panels):
+        at, stride = _panel(first, sets * depth, panels, p)
+        if weights.itemsize == 4 and rows <= MANY and s + used <= sets:
+            panel, step = weights.ctypes.data + 4 * (at + s * depth * stride), stride
+        else:
+            panel, step = floats.ctypes.data, PANEL
+            for u in range(used):
+                begin = (s + u) % sets * depth
+                panel_to_floats(weights, at + begin * stride, stride, depth, panel + 4 * u * depth * PANEL)
+        place, n = 4 * p * PANEL, 0
+        while n < rows:
+            x = wide.ctypes.data + 4 * n * wide_width
+            to = y.ctypes.data + 4 * n * width + place
+            if n + TALL <= rows:
+                rows_times_panel(
+                    TALL, x, wide_width, panel, step, used * depth, scale + place, bias + place, 0, to, width
+                )
+                n += TALL
+            else:
+                rows_times_panel(
+                    SHORT, x, wide_width, panel, step, used * depth, scale + place, bias + place, 0, to, width
+                )
+                n += SHORT
