@@ -1,4 +1,4 @@
-"""``python -m features``: look at feature schemas."""
+"""``python -m features``: look at feature schemas, label motion."""
 
 from __future__ import annotations
 
@@ -9,11 +9,17 @@ import click
 from motion import config, console, files
 
 from . import presets
+from .label_cli import label
 
 
-@console.group("features", "What a frame looks like to a search: feature schemas.")
+@console.group(
+    "features", "What a frame looks like to a search or a network: feature schemas, labels of motion."
+)
 def main() -> None:
     pass
+
+
+main.add_command(label)
 
 
 @main.command(

@@ -31,6 +31,7 @@ LEFT_OUT, MISSED, HURRIED = 1.0, 0.6, 4.0
 MOST_LEFT_OUT = 4
 STANCE = 0.2  # seconds: a shorter one is that much cheaper to leave out
 STEP = 0.5  # seconds of a step where none is known: a walk
+INSTANT = 1e-3  # seconds: what is shorter is no stretch of time
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ def phase(time: Array, left: Array, right: Array) -> Array:
         way = np.pi if fall.foot != before.foot else TURN
         start = min(_stands_until(before.time, left, right) - LEAD, fall.time - STEP / 2)
         stood = start - before.time
-        if stood > 0:
+        if stood > INSTANT:
             turns = round(STANDING_RATE * stood / TURN)
             slow = TURN * turns or SHORT_STAND * STANDING_RATE * stood
             way += TURN * turns - slow
@@ -70,7 +71,8 @@ def phase(time: Array, left: Array, right: Array) -> Array:
         values.append(values[-1] + way)
     _begin(knots, values, first, _stands_until(first, left, right) - LEAD)
     _end(knots, values, last, _stands_until(falls[-1].time, left, right))
-    return np.mod(monotone(np.array(knots), np.array(values), time), TURN)
+    turned = np.mod(monotone(np.array(knots), np.array(values), time), TURN)
+    return np.where(turned < TURN, turned, 0.0)  # a hair below 0 is rounded to a whole turn
 
 
 def footfalls(time: Array, left: Array, right: Array) -> list[Footfall]:
@@ -123,7 +125,7 @@ def _begin(knots: list[float], values: list[float], first: float, start: float) 
     start = min(max(first, start), knots[0] - STEP / 2)
     pace = np.pi / (knots[0] - start) if start > first else _pace(knots[:3], values[:3])
     for instant, rate in ((start, pace), (first, STANDING_RATE)):
-        if knots[0] > instant:
+        if knots[0] - instant > INSTANT:
             values.insert(0, values[0] - rate * (knots[0] - instant))
             knots.insert(0, instant)
 
@@ -134,7 +136,7 @@ def _end(knots: list[float], values: list[float], last: float, leave: float) -> 
     cut = last - knots[-1] < LEAD  # too soon to tell that it is a stand
     stop = knots[-1] if cut else max(knots[-1], min(leave - LEAD, last))
     for instant, rate in ((stop, STANDING_RATE), (last, pace)):
-        if instant > knots[-1]:
+        if instant - knots[-1] > INSTANT:
             values.append(values[-1] + rate * (instant - knots[-1]))
             knots.append(instant)
 

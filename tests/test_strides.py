@@ -44,6 +44,7 @@ def test_an_even_gait_is_a_clock():
     phase = strides.phase(time, *walk(6))
     np.testing.assert_allclose(off(phase, np.pi + TURN * (time - 0.25)), 0, atol=1e-9)
     assert phase.min() >= 0 and phase.max() < TURN
+    assert strides.phase(time, *walk(6, first=0.25 - 1e-16)).max() < TURN
 
 
 def test_steps_of_unequal_length_are_exact_where_feet_come_down():
