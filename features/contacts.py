@@ -30,14 +30,14 @@ NOISE = 2.0  # what slides moves at most so many times as fast as the median of 
 RISE = 0.015  # metres that a part rises while it is still slow: then it has left
 WINDOW = 0.05  # seconds of the median filter
 BRIEF, GAP = 0.06, 0.1  # seconds: a stance lasts longer, and so does a swing (sprinters: 0.09, 0.3)
-# On flat ground nothing rests this much above the lowest of its resting places; flat is ground where nearly
-# all of them lie closer together than half of that.
-LIFTED = 0.12  # metres
+# Ground is flat where nine in ten resting places lie so close above the lowest ones. There nothing rests so
+# far above where it usually does; where that varies more, no more than so many median deviations.
+FLAT, LIFTED, SPREAD = 0.06, 0.025, 5.0  # metres, metres, times
 HEEL_BEHIND = (
     0.4  # how far the heel lies behind the ankle, in distances from ankle to toe joint (over ground)
 )
 SHORT = 0.03  # metres: a foot whose tip is nearer has no toe to tell apart
-_FLAT = 10  # per cent: the slowest frames, at which a foot is taken to lie flat
+STILLEST = 10  # per cent of the frames, the slowest, at which a foot is taken to lie flat
 
 
 def parts(skeleton: Skeleton, positions: Array) -> tuple[str, ...]:
@@ -147,18 +147,21 @@ def _tip(skeleton: Skeleton, side: str) -> float:
 def _heel(ankle: Array, rotation: Array, toe: Array, fps: float) -> Array:
     """World positions [T, 3] of a heel; how it lies in the foot is seen where the foot lies flat."""
     speed = sum(np.linalg.norm(kinematics.velocities(place, fps), axis=-1) for place in (ankle, toe))
-    flat = speed <= max(SLOW, np.percentile(speed, _FLAT))
+    flat = speed <= max(SLOW, np.percentile(speed, STILLEST))
     arm = (toe - ankle)[flat] * np.array([-HEEL_BEHIND, 1.0, -HEEL_BEHIND])
     arm = np.median(quat.rotate(quat.inv(rotation[flat]), arm), axis=0)
     return ankle + quat.rotate(rotation, np.broadcast_to(arm, ankle.shape))
 
 
 def _drop_lifted(resting: NDArray[np.bool_], heights: Array) -> None:
-    """On flat ground, a foot that is held still in the air does not rest; in place."""
-    if not resting.any():
+    """On flat ground, what is held still above where it rests at other times does not rest; in place."""
+    columns = [heights[on, c] for c in range(resting.shape[1]) if (on := resting[:, c]).any()]
+    above = [column - np.percentile(column, 5) for column in columns]
+    if not columns or np.percentile(np.concatenate(above), 90) > FLAT:
         return
-    floors = np.array([np.percentile(heights[on, c], 5) if (on := resting[:, c]).any() else np.nan
-                       for c in range(resting.shape[1])])  # fmt: skip
-    above = heights - floors
-    if np.percentile(above[resting], 90) < LIFTED / 2:
-        resting &= above < LIFTED
+    for c in range(resting.shape[1]):
+        if resting[:, c].any():
+            found = heights[resting[:, c], c]
+            usual = float(np.median(found))
+            spread = float(np.median(np.abs(found - usual)))
+            resting[:, c] &= heights[:, c] < usual + max(LIFTED, SPREAD * spread)

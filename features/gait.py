@@ -75,6 +75,9 @@ def decide(
     height = ndimage.gaussian_filter1d(body.hips, 0.03 * fps, mode="nearest")
     fall = -_gradient(_gradient(height)) * fps * fps / GRAVITY
     flight = ~on & (fall > FALLING)
+    leaps = [span for span in touching.spans(flight) if span[1] - span[0] >= JUMPING * fps]
+    for start, stop in leaps:
+        flight[start:stop] = False
     bounce = np.sqrt(np.maximum(_mean(fall**2, STRIDE, fps), 0))
     cadence = _cadence(touching.feet(names, contacts, fps), fps)
 
@@ -87,10 +90,9 @@ def decide(
     gait[(low < DOWN_HIPS) | (head < DOWN_HEAD)] = OTHER
     gait = settle(gait, fps)
     around = round(LANDING * fps)
-    for start, stop in touching.spans(flight):
-        if stop - start >= JUMPING * fps:
-            part = slice(max(0, start - around), stop + around)
-            gait[part] = np.where(gait[part] == OTHER, OTHER, JUMP)
+    for start, stop in leaps:
+        part = slice(max(0, start - around), stop + around)
+        gait[part] = np.where(gait[part] == OTHER, OTHER, JUMP)
     return gait
 
 
