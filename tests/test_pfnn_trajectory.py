@@ -1,0 +1,246 @@
+"""lmm.pfnn.trajectory and steps: against a window of 120 frames in the world, and against the twin."""
+
+from __future__ import annotations
+
+import numpy as np
+import pfnn_models
+import pytest
+
+from lmm.pfnn import settings as settings_types
+from lmm.pfnn import steps, steps_numpy, trajectory
+from lmm.pfnn.controller import PhaseController
+from lmm.pfnn.layout import GAITS, Inputs
+from lmm.pfnn.model import PhaseModel
+from lmm.pfnn.settings import PhaseSettings
+from mm.control import Command
+from motion import kinematics, quat, springs
+
+WINDOW, NOW = 120, 60
+
+
+def turn(vectors: np.ndarray, yaw: float) -> np.ndarray:
+    """Ground vectors [.., 2] (x, z) turned by yaw, +Z towards +X."""
+    c, s = np.cos(yaw), np.sin(yaw)
+    return np.stack(
+        [c * vectors[..., 0] + s * vectors[..., 1], c * vectors[..., 1] - s * vectors[..., 0]], -1
+    )
+
+
+class Window:
+    """The whole loop as REFERENCE 4.2 tells it: one character, 120 frames at 60 Hz, joints in the world."""
+
+    def __init__(self, model: PhaseModel, settings: PhaseSettings, start: PhaseController, ground) -> None:
+        self.model, self.settings, self.ground = model, settings, ground
+        c = start.characters[0]
+        self.path = np.tile(c["root"][:2].astype(float), (WINDOW, 1))
+        self.yaws = np.full(WINDOW, float(c["root"][2]))
+        self.gaits = np.tile(c["gait"].astype(float), (WINDOW, 1))
+        # Somebody at rest is going nowhere: the future lies where the root is.
+        self.phase, self.velocity, self.target = float(c["phase"]), np.zeros(2), float(c["root"][2])
+        self.height = float(c["height"])
+        self.joints = self.to_world(start._joints[0].astype(float), self.height)
+        self.joint_velocities = self.turned(start._velocities[0].astype(float))
+        self.before = (self.path[NOW].copy(), self.yaws[NOW], self.height)
+
+    def turned(self, vectors: np.ndarray, yaw: float | None = None) -> np.ndarray:
+        return quat.rotate(quat.from_yaw(self.yaws[NOW] if yaw is None else yaw), vectors)
+
+    def to_world(self, local: np.ndarray, height: float) -> np.ndarray:
+        return self.turned(local) + np.array([self.path[NOW, 0], height, self.path[NOW, 1]])
+
+    def step(self, velocity: np.ndarray, yaw: float) -> np.ndarray:
+        """A frame; the joints [J, 3] shown."""
+        s, layout = self.settings, self.model.layout
+        kept = 0.5 ** (1 / (60 * s.velocity_halflife))
+        self.velocity = velocity + kept * (self.velocity - velocity)
+        self.target += (1 - 0.5 ** (1 / (60 * s.facing_halflife))) * springs.wrap(yaw - self.target)
+        speed = np.linalg.norm(self.velocity)
+        stand = 1 - min(speed / s.stand_speed, 1)
+        jog = np.clip((speed - s.jog_from) / (s.jog_to - s.jog_from), 0, 1)
+        asked = np.array([stand, (1 - stand) * (1 - jog), (1 - stand) * jog, 0, 0, 0])
+        gait = self.gaits[NOW]
+        gait = gait + (1 - 0.5 ** (1 / (60 * s.gait_halflife))) * (asked - gait)
+        self.gaits[NOW:] = gait
+
+        blended = self.path.copy()
+        for i in range(NOW + 1, WINDOW):
+            t = (i - NOW) / 60
+            share = 1 - (1 - t) ** s.position_bias
+            step = (1 - share) * (self.path[i] - self.path[i - 1]) + share * self.velocity / 60
+            blended[i] = blended[i - 1] + step
+            share = 1 - (1 - t) ** s.direction_bias
+            self.yaws[i] += share * springs.wrap(self.target - self.yaws[i])
+        self.path = blended
+
+        at = np.arange(0, WINDOW, 10)
+        root, root_yaw = self.path[NOW].copy(), self.yaws[NOW]
+        facing = np.stack([np.sin(self.yaws[at]), np.cos(self.yaws[at])], -1)
+        left = np.stack([facing[:, 1], -facing[:, 0]], -1)
+        sides = np.stack([self.path[at] - 0.25 * left, self.path[at], self.path[at] + 0.25 * left], 1)
+        heights = self.ground(sides[..., 0], sides[..., 1])
+        self.height = heights[:, 1].mean()
+        last, last_yaw, last_height = self.before
+        old = self.turned(self.joints - [last[0], last_height, last[1]], -last_yaw)
+        x = layout.pack_inputs(
+            Inputs(
+                turn(self.path[at] - root, -root_yaw)[None], turn(facing, -root_yaw)[None],
+                self.gaits[at][None], old[None], self.turned(self.joint_velocities, -last_yaw)[None],
+                (heights - self.height)[None],
+            )
+        )  # fmt: skip
+        out = layout.unpack_outputs(self.model.network.evaluate(x, [self.phase]))
+        self.joint_velocities = self.turned(out.velocities[0].astype(float))
+        shown = self.to_world(out.positions[0].astype(float), self.height)
+        moved = self.joints + self.joint_velocities / 60
+        self.joints = s.joint_smoothing * moved + (1 - s.joint_smoothing) * shown
+        self.before = (root, root_yaw, self.height)
+
+        self.path[:NOW], self.yaws[:NOW] = self.path[1 : NOW + 1], self.yaws[1 : NOW + 1]
+        self.gaits[:NOW] = self.gaits[1 : NOW + 1]
+        going = (1 - gait[0]) ** 0.25
+        self.path[NOW] = root + going * turn(out.root_velocity[0].astype(float), root_yaw) / 60
+        self.yaws[NOW] = root_yaw + going * float(out.turn_rate[0]) / 60
+        self.phase = (self.phase + (0.9 * going + 0.1) * float(out.phase_rate[0]) / 60) % (2 * np.pi)
+        ahead = out.path[0].astype(float)
+        ahead[0] = 0  # where the root is
+        for i in range(NOW + 1, WINDOW):
+            k, m = divmod(i - NOW, 10)
+            after = min(k + 1, 5)
+            here = (1 - m / 10) * ahead[k] + m / 10 * ahead[after]
+            self.path[i] = self.path[NOW] + turn(here, self.yaws[NOW])
+            direction = (1 - m / 10) * out.facing[0, k] + m / 10 * out.facing[0, after]
+            self.yaws[i] = self.yaws[NOW] + np.arctan2(*direction)
+        return self.joints
+
+
+def hills(x: np.ndarray, z: np.ndarray) -> np.ndarray:
+    return 0.2 * np.sin(x) + 0.1 * z
+
+
+@pytest.mark.parametrize("stretch", [0.5, 2.0])
+def test_it_is_the_window_of_120_frames(stretch: float) -> None:
+    settings = PhaseSettings(position_bias=stretch, direction_bias=3.0, foot_lock=False, jog_from=1.0,
+                             jog_to=2.0, velocity_halflife=0.05)  # fmt: skip
+    model = pfnn_models.model()
+    controller = PhaseController(model, settings=settings, ground=hills)
+    controller.reset([[3, -2]], [2.0])
+    window = Window(model, settings, controller, hills)
+    commands = [((0, 0), 2.0), ((1.2, 0.5), 0.5), ((-2, 1), -2.5), ((0, 0), -2.5)]
+    command = Command.still(1)
+    for frame in range(160):
+        velocity, yaw = commands[frame // 40]
+        command.velocity[0], command.yaw[0] = velocity, yaw
+        poses = controller.step(command)
+        expected = window.step(np.array(velocity, float), yaw)
+        world, _ = kinematics.forward(controller.skeleton, poses.positions[0], poses.rotations[0])
+        np.testing.assert_allclose(world[1:], expected, atol=2e-3, err_msg=f"frame {frame}")
+    c = controller.characters[0]
+    np.testing.assert_allclose(c["root"][:2], window.path[NOW], atol=2e-3)
+    assert abs(springs.wrap(c["root"][2] - window.yaws[NOW])) < 2e-3
+    assert abs(springs.wrap(c["phase"] - window.phase)) < 2e-3
+    np.testing.assert_allclose(c["gait"], window.gaits[NOW], atol=1e-5)
+
+
+@pytest.mark.parametrize("fps, frames", [(60, 10), (30, 5), (120, 20), (4, 1)])
+def test_samples_are_a_sixth_of_a_second_apart(fps: float, frames: int) -> None:
+    assert trajectory.interval(fps) == frames
+    sums, turns = trajectory.blend(frames, 1.0, 1.0)
+    np.testing.assert_allclose(turns, np.arange(1, 6) / 6, rtol=1e-6)  # bias 1: in proportion to time
+    total = sum(i / (6 * frames) for i in range(1, 5 * frames + 1))
+    assert sums.sum() == pytest.approx(total, rel=1e-6)
+
+
+def state(count: int, model: PhaseModel, seed: int) -> dict:
+    """Arguments of the kernels, characters in all sorts of states."""
+    rng = np.random.default_rng(seed)
+    joints = model.layout.joints
+
+    def numbers(*shape: int) -> np.ndarray:
+        return rng.standard_normal(shape).astype(np.float32)
+
+    characters = np.zeros(count, trajectory.CHARACTER)
+    for name in characters.dtype.names:
+        characters[name] = numbers(*characters[name].shape)
+    characters["gait"] = rng.dirichlet(np.ones(len(GAITS)), count)
+    characters["crouch"] = rng.random(count)
+    past = numbers(count, 60, trajectory.PAST)
+    return {
+        "characters": characters,
+        "past": past,
+        "joints": numbers(count, joints, 3),
+        "velocities": numbers(count, joints, 3),
+        "x": numbers(count, model.layout.input_size),
+        "y": numbers(count, model.layout.output_size),
+        "velocity": numbers(count, 2),
+        "yaw": numbers(count) * 3,
+        "turn_rate": numbers(count),
+        "crouch": rng.random(count) < 0.5,
+        "points": numbers(count, 12, 3, 2),
+        "heights": numbers(count, 12, 3),
+        "positions": numbers(count, joints + 1, 3),
+        "rotations": quat.normalize(numbers(count, joints + 1, 4)),
+        "local_velocities": numbers(count, joints + 1, 3),
+        "local_angular": numbers(count, joints + 1, 3),
+        "contacts": np.zeros((count, 2), np.uint8),
+    }
+
+
+def run(kernels, name: str, model: PhaseModel, stretch: bool = True) -> dict:
+    """What a kernel makes of the same state."""
+    a = state(7, model, 3)
+    c, x, y = a["characters"], a["x"], a["y"]
+    description = model.description
+    into, out = (
+        np.array([part.start for part in blocks.values()], np.int64)
+        for blocks in (model.layout.inputs, model.layout.outputs)
+    )
+    settings = settings_types.record(PhaseSettings(facing_halflife=0.1), 60, walk_mps=0.5, run_mps=1.5)
+    if name == "plan":
+        blend = trajectory.blend(10, 2.0, 5.0)
+        assert kernels.plan(
+            c, a["past"], 17, a["velocity"], a["yaw"], a["turn_rate"], a["crouch"], settings, *blend,
+            a["joints"], a["velocities"], into, x,
+        ) == -1  # fmt: skip
+    elif name == "sample_points":
+        kernels.sample_points(c, into, x, a["points"])
+    elif name == "write_heights":
+        kernels.write_heights(c, a["heights"], into, x)
+    elif name == "advance":
+        obstacles = np.array([[0.2, 0.1, 0.5, 0.3, 0.1], [-1, 0, 0, 0, 0.4]], np.float32)
+        kernels.advance(c, a["past"], 5, y, out, settings, obstacles)
+    else:
+        scratch, columns = np.zeros((model.layout.joints, 4), np.float32), np.array([1, 3])
+        kernels.show(
+            c, y, out, settings, description.skeleton.parents.astype(np.int64),
+            description.skeleton.offsets.astype(np.float32), stretch, columns, a["joints"], a["velocities"],
+            a["positions"], a["rotations"], a["local_velocities"], a["local_angular"], a["contacts"], scratch,
+        )  # fmt: skip
+    return a
+
+
+@pytest.mark.parametrize("name", ["plan", "sample_points", "write_heights", "show", "show rigid", "advance"])
+def test_kernels_are_their_twins(name: str) -> None:
+    model = pfnn_models.model()
+    name, stretch = name.removesuffix(" rigid"), not name.endswith("rigid")
+    given, one, other = state(7, model, 3), *(run(k, name, model, stretch) for k in (steps, steps_numpy))
+    changed = False
+    for key, value in one.items():
+        pairs = [(value, other[key], given[key])]
+        if value.dtype.names:
+            pairs = [(value[n], other[key][n], given[key][n]) for n in value.dtype.names]
+        for found, expected, before in pairs:
+            np.testing.assert_allclose(found, expected, rtol=2e-3, atol=2e-4, err_msg=key)
+            changed |= not np.array_equal(found, before)
+    assert changed
+
+
+@pytest.mark.parametrize("kernels", [steps, steps_numpy])
+def test_a_command_that_is_not_finite_is_named_before_anything_is_done(kernels) -> None:
+    model = pfnn_models.model()
+    controller = PhaseController(model, count=3, compiled=kernels is steps)
+    before = controller.characters.copy()
+    command = Command.still(3)
+    command.velocity[1, 0] = np.nan
+    with pytest.raises(Exception, match="character 1 is not finite"):
+        controller.step(command)
+    np.testing.assert_array_equal(controller.characters, before)
