@@ -6,6 +6,7 @@ import numpy as np
 import pfnn_models
 import pytest
 
+from lmm.evaluator import products_here
 from lmm.pfnn import kernels, spline
 from lmm.pfnn.evaluator import PhaseEvaluator
 from motion.errors import UserError
@@ -48,6 +49,39 @@ def test_a_row_does_the_same_in_any_batch_bit_for_bit(mode: spline.Mode, kind) -
     crowd = whole.evaluate(x, together).copy()
     assert len(x) > kernels.BLOCK
     np.testing.assert_array_equal(one.evaluate(x[200:201], together[:1])[0], crowd[200])
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_bfloat16_products_are_those_of_rounded_numbers(mode: spline.Mode) -> None:
+    network = pfnn_models.network(70, 300, 33, 70)
+    x, phases = batch(network, 150)
+    exact = network.evaluate(x, phases, mode)
+    twin = PhaseEvaluator(network, mode=mode, products="bfloat16", count=150, compiled=False)
+    expected = twin.evaluate(x, phases)
+    off = np.abs(expected - exact).max()
+    assert 1e-3 < off < 0.1 * np.abs(exact).max()
+    if "bfloat16" not in products_here():
+        with pytest.raises(UserError, match="does not multiply bfloat16"):
+            PhaseEvaluator(network, mode=mode, products="bfloat16")
+        return
+    evaluator = PhaseEvaluator(network, mode=mode, products="bfloat16", count=150)
+    for count in (1, 2, 3, 20, 150):
+        found = evaluator.evaluate(x[:count], phases[:count])
+        # Sums round otherwise, and then what is rounded to 8 bits may fall to the other side.
+        assert np.abs(found - expected[:count]).max() < off / 4
+        assert np.abs(found - expected[:count]).mean() < np.abs(expected - exact).mean() / 20
+    assert evaluator.memory()[f"weights ({mode})"] == network.weight_bytes(mode) // 2
+
+
+def test_the_activation_is_exp_minus_1() -> None:
+    x = np.concatenate([-np.logspace(-9, 3, 1000), [0, 3, -np.inf, np.inf]]).astype(np.float32)
+    found = x.copy()
+    kernels._elu(found, len(found))
+    with np.errstate(over="ignore"):
+        np.testing.assert_allclose(found, np.where(x > 0, x, np.expm1(x.astype(np.float64))), rtol=1e-6)
+    nan = np.full(3, np.nan, np.float32)
+    kernels._elu(nan, 2)
+    assert np.isnan(nan).all()
 
 
 def test_rows_are_sorted_by_set() -> None:

@@ -19,6 +19,7 @@ from motion import foot_lock, foot_lock_numpy, springs
 from motion.errors import UserError
 from motion.pose import Poses
 
+from ..evaluator import Products
 from . import settings as settings_types
 from . import steps, steps_numpy, trajectory
 from .evaluator import PhaseEvaluator
@@ -42,14 +43,15 @@ class PhaseController:
     model : the network and its skeleton.
     count : N.
     mode : how weights are made of the phase, see `lmm.pfnn.spline`.
+    products : of the network's numbers, see `lmm.pfnn.evaluator`.
     settings : see `lmm.pfnn.settings.PhaseSettings`.
     ground : any function of heights; flat at 0 by default.
     obstacles : float [M, 5], see `mm.controller.Controller`; roots keep off them.
     compiled : use the compiled kernels; False takes their NumPy twins, for tests.
     name : what reports call this system.
 
-    Whatever N, a character does the same, bit for bit. `stage_seconds` holds the time of the last step by
-    stage when `timed` is set.
+    Whatever N, a character does the same: bit for bit, with bfloat16 products but for rounding.
+    `stage_seconds` holds the time of the last step by stage when `timed` is set.
     """
 
     def __init__(
@@ -58,6 +60,7 @@ class PhaseController:
         *,
         count: int = 1,
         mode: Mode = "cubic",
+        products: Products = "float32",
         settings: PhaseSettings | None = None,
         ground: Ground | None = None,
         obstacles: ArrayLike = (),
@@ -71,7 +74,9 @@ class PhaseController:
         self.settings = settings = settings or PhaseSettings()
         self.skeleton, self.fps = description.skeleton, description.fps
         self.name = name or f"pfnn-{mode}"
-        self.network = PhaseEvaluator(model.network, mode=mode, count=count, compiled=compiled)
+        self.network = PhaseEvaluator(
+            model.network, mode=mode, products=products, count=count, compiled=compiled
+        )
         self._ground = ground
         self._steps: Any = steps if compiled else steps_numpy
         self._lock_feet = (foot_lock if compiled else foot_lock_numpy).lock_feet
