@@ -6,6 +6,7 @@ motion was fitted to another body; how much they slide shows in the same spell, 
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import Any
 
@@ -32,7 +33,9 @@ WINDOW = 0.05  # seconds of the median filter
 BRIEF, GAP = 0.06, 0.1  # seconds: a stance lasts longer, and so does a swing (sprinters: 0.09, 0.3)
 # Ground is flat where nine in ten resting places lie so close above the lowest ones. There nothing rests so
 # far above where it usually does; where that varies more, no more than so many median deviations.
-FLAT, LIFTED, SPREAD = 0.06, 0.025, 5.0  # metres, metres, times
+FLAT, LIFTED, SPREAD = 0.06, 0.1, 5.0  # metres, metres, times
+# What rests so much lower at the same place within so many seconds was hovering before it was put down.
+HOVER, PLACE, SOON = 0.02, 0.03, 0.6  # metres, metres, seconds
 HEEL_BEHIND = (
     0.4  # how far the heel lies behind the ankle, in distances from ankle to toe joint (over ground)
 )
@@ -103,6 +106,7 @@ def resting(places: Array, fps: float) -> NDArray[np.uint8]:
             out[spell] = still & (height < np.percentile(height, 10) + RISE)
     out = touching.median(out, max(1, round(WINDOW * fps)))
     for c in range(places.shape[1]):
+        _drop_hovering(out[:, c], places[:, c], fps)
         clean(out[:, c], fps)
     _drop_lifted(out, places[..., 1])
     return out.astype(np.uint8)
@@ -151,6 +155,19 @@ def _heel(ankle: Array, rotation: Array, toe: Array, fps: float) -> Array:
     arm = (toe - ankle)[flat] * np.array([-HEEL_BEHIND, 1.0, -HEEL_BEHIND])
     arm = np.median(quat.rotate(quat.inv(rotation[flat]), arm), axis=0)
     return ankle + quat.rotate(rotation, np.broadcast_to(arm, ankle.shape))
+
+
+def _drop_hovering(resting: NDArray[np.bool_], places: Array, fps: float) -> None:
+    """A spell [T] of places [T, 3] that ends in being put down, to rest for longer, is none; in place."""
+    found = spans(resting)
+    middles = [np.median(places[start:stop], axis=0) for start, stop in found]
+    for (first, second), (one, other) in zip(
+        itertools.pairwise(found), itertools.pairwise(middles), strict=True
+    ):
+        moved = other - one
+        apart = second[0] - first[1] > SOON * fps or np.hypot(moved[0], moved[2]) > PLACE
+        if not apart and -moved[1] > HOVER and first[1] - first[0] < second[1] - second[0]:
+            resting[slice(*first)] = False
 
 
 def _drop_lifted(resting: NDArray[np.bool_], heights: Array) -> None:

@@ -9,7 +9,7 @@ import pytest
 import synthetic
 
 from features import contacts as touching
-from motion import kinematics, quat
+from motion import kinematics, quat, sources
 from motion.clip import Clip
 from motion.dancecard import CONTACTS, Move, Style, figure, perform
 from motion.errors import UserError
@@ -96,6 +96,23 @@ def test_a_foot_held_still_in_the_air_does_not_touch():
     names, found = find(clip.replace(rotations=raised))
     assert names == CONTACTS
     assert not found[70:290, :2].any() and found[:, 2:].all() and found[:55].all() and found[310:].all()
+
+
+def test_a_foot_that_hovers_before_it_is_put_down_does_not_touch():
+    """Who turns on the spot puts the feet down from a still height: the ball of the foot from 3 cm."""
+    moves = [Move(2), Move(4, turn=100), Move(3), Move(4, turn=-160), Move(2)]
+    turn = perform(moves, name="turn", style=Style(), rng=np.random.default_rng(0))
+    names, found = find(turn.clip)
+    heights = touching.points(turn.clip.skeleton, 60, *world(turn.clip), names)[:, 1::2, 1]
+    assert heights[found[:, 1::2] != 0].max() < figure.BALL[1] + 0.02
+    assert np.mean(found[:, 1::2] == turn.labels.contacts[:, 1::2]) > 0.95
+
+
+def test_who_stands_and_then_runs_touches_the_ground_running(data):
+    """The toes rest 3 cm higher in the run than in the stand, as captured."""
+    clip = sources.load(data / "cmu/asfamc/127/127_03.amc")
+    names, found = find(clip)
+    assert touching.feet(names, found, clip.fps)[200:].any(axis=0).all()
 
 
 def test_what_a_skeleton_has(walker):
