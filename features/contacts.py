@@ -36,9 +36,7 @@ BRIEF, GAP = 0.06, 0.1  # seconds: a stance lasts longer, and so does a swing (s
 FLAT, LIFTED, SPREAD = 0.06, 0.1, 5.0  # metres, metres, times
 # What rests so much lower at the same place within so many seconds was hovering before it was put down.
 HOVER, PLACE, SOON = 0.02, 0.03, 0.6  # metres, metres, seconds
-HEEL_BEHIND = (
-    0.4  # how far the heel lies behind the ankle, in distances from ankle to toe joint (over ground)
-)
+HEEL_BEHIND = 0.4  # how far the heel lies behind the ankle, beside how far the toe joint lies before it
 SHORT = 0.03  # metres: a foot whose tip is nearer has no toe to tell apart
 STILLEST = 10  # per cent of the frames, the slowest, at which a foot is taken to lie flat
 

@@ -117,7 +117,7 @@ class _Body:
 
     Attributes
     ----------
-    leg : length of the legs, metres, ankles included not.
+    leg : length of the legs from the thighs' joints to the ankles, metres.
     hips : [T] height of the thighs' joints, metres.
     hip_share, head_share : [T] height of hips and head above the lower ankle, beside a straight body's.
     """
@@ -132,14 +132,15 @@ class _Body:
         low = positions[:, feet, 1].min(axis=1)
         self.hips = positions[:, tops, 1].mean(axis=1)
         self.hip_share = (self.hips - low) / self.leg
-        self.head_share = np.full(len(positions), -np.inf if use_head else np.inf)
-        if use_head and "head" in roles:
+        if not use_head:
+            self.head_share = np.full(len(positions), np.inf)
+        elif "head" not in roles:
+            self.head_share = self.hip_share + LOW_HEAD - LOW_HIPS
+        else:
             head = positions[:, roles["head"]]
             trunk = np.linalg.norm(head - positions[:, tops].mean(axis=1), axis=-1)
             straight = self.leg + float(np.percentile(trunk, 95))
             self.head_share = (head[:, 1] - low) / straight
-        elif use_head:
-            self.head_share = self.hip_share + LOW_HEAD - LOW_HIPS
 
 
 def _length(skeleton: Skeleton, positions: Array, top: int, end: int) -> float:
