@@ -213,7 +213,7 @@ def test_what_cannot_be_is_said() -> None:
         controller.step(Command.still(3))
     whole = model.contacts
     with pytest.raises(UserError, match="nothing of the contact 'left_toe'"):
-        PhaseController(replace(model, contacts=("left_foot", "left_hand", *whole[2:])))
+        PhaseController(replace(model, contacts=("left_heel", "left_hand", *whole[2:])))
 
 
 def test_settings_out_of_range_are_refused() -> None:

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from features import labels
+from lmm.pfnn import layout as layouts
 from lmm.pfnn.layout import Inputs, Layout, Outputs
 from motion import quat
 
@@ -28,6 +30,10 @@ def outputs(rng: np.random.Generator) -> Outputs:
         numbers(N, 2), numbers(N), numbers(N), numbers(N, 4), numbers(N, 6, 2), facing, numbers(N, J, 3),
         numbers(N, J, 3), rotations,
     )  # fmt: skip
+
+
+def test_gaits_are_those_of_the_labels() -> None:
+    assert layouts.GAITS == labels.GAITS
 
 
 def test_sizes_are_the_published_ones_for_31_joints() -> None:

@@ -7,12 +7,12 @@ show the pose; move root, phase and trajectory on; hold the feet.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from features.terrain import Ground, flat
 from mm import settings as mm_settings
 from mm.control import Command
 from motion import foot_lock, foot_lock_numpy, springs
@@ -27,8 +27,6 @@ from .layout import SAMPLES, SIDES
 from .model import PhaseModel
 from .settings import PhaseSettings
 from .spline import Mode
-
-Ground = Callable[[NDArray, NDArray], NDArray]  # heights y [..], metres, at the world's x [..] and z [..]
 
 STAGES = ("trajectory", "network", "pose", "foot lock")
 SETTLING = 3.0  # seconds in which a character comes to rest out of the mean pose
@@ -45,7 +43,7 @@ class PhaseController:
     mode : how weights are made of the phase, see `lmm.pfnn.spline`.
     products : of the network's numbers, see `lmm.pfnn.evaluator`.
     settings : see `lmm.pfnn.settings.PhaseSettings`.
-    ground : any function of heights; flat at 0 by default.
+    ground : any function of heights (`features.terrain.Ground`); flat at 0 by default.
     obstacles : float [M, 5], see `mm.controller.Controller`; roots keep off them.
     compiled : use the compiled kernels; False takes their NumPy twins, for tests.
     name : what reports call this system.
@@ -62,7 +60,7 @@ class PhaseController:
         mode: Mode = "cubic",
         products: Products = "float32",
         settings: PhaseSettings | None = None,
-        ground: Ground | None = None,
+        ground: Ground = flat,
         obstacles: ArrayLike = (),
         compiled: bool = True,
         name: str | None = None,
@@ -77,7 +75,7 @@ class PhaseController:
         self.network = PhaseEvaluator(
             model.network, mode=mode, products=products, count=count, compiled=compiled
         )
-        self._ground = ground
+        self._ground = None if ground is flat else ground
         self._steps: Any = steps if compiled else steps_numpy
         self._lock_feet = (foot_lock if compiled else foot_lock_numpy).lock_feet
         self._settings = settings_types.record(
@@ -105,7 +103,7 @@ class PhaseController:
         )
         if self._legs is not None:
             self._lock_heights = self._legs.heights.copy()
-            if ground is not None:
+            if self._ground is not None:
                 self._lock_heights[:] = -ANY_HEIGHT, ANY_HEIGHT
 
         self.characters = np.zeros(count, trajectory.CHARACTER)

@@ -23,7 +23,7 @@ FUTURE = SAMPLES - PRESENT  # samples that are put out, the present among them
 INTERVAL = 1 / 6  # seconds from one to the next
 SIDES = 3  # heights to the right, in the middle, to the left
 ASIDE = 0.25  # metres
-GAITS = ("stand", "walk", "jog", "crouch", "jump", "other")
+GAITS = ("stand", "walk", "jog", "crouch", "jump", "other")  # `features.gait`'s, whose import takes long
 
 
 @dataclass(eq=False)

@@ -13,7 +13,7 @@ from .layout import Layout
 from .network import PhaseNetwork, WeightType
 
 KIND, VERSION = "phase-functioned network", 1
-CONTACTS = ("left_foot", "left_toe", "right_foot", "right_toe")
+CONTACTS = ("left_heel", "left_toe", "right_heel", "right_toe")  # of the published network
 
 
 @dataclass(eq=False, repr=False)
@@ -24,7 +24,7 @@ class PhaseModel:
     ----------
     description : skeleton, rate, feet of the data.
     network : inputs and outputs as `layout` has them, in metres and seconds.
-    contacts : roles of the joints whose contacts are put out.
+    contacts : what the contacts that are put out are of (`features.labels.Labels.names`).
     held_out, database, ranges, frames, training, errors, fingerprint : as `lmm.model.Model` has them.
     """
 

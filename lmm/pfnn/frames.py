@@ -1,0 +1,124 @@
+"""The vectors of a database's frames: what a phase-functioned network is trained on (REFERENCE 4.2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from features import trajectory as ground_plane
+from features.labels import Labels
+from mm.database import Database
+from motion import kinematics, quat, springs
+
+from .layout import FUTURE, PRESENT, SAMPLES, SIDES, Inputs, Layout, Outputs
+from .trajectory import interval
+
+Array = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """M frames with one before and one after them in their range.
+
+    Attributes
+    ----------
+    x, y : float32 [M, I], [M, O], by `lmm.pfnn.layout`, y without any normalisation.
+    phase : float32 [M], radians.
+    frame : int64 [M], which of the database.
+    """
+
+    x: Array
+    y: Array
+    phase: Array
+    frame: NDArray[np.int64]
+
+
+def frames(database: Database, labels: Labels, *, heights: Array | None = None) -> Frames:
+    """Vectors of all frames but the first and the last of each range.
+
+    labels are of all frames of the database. heights [T, 12, 3], metres over the root's, are those of the
+    ground along the trajectory; flat by default. Before a range begins and after it ends, the root is taken
+    to go on as it did there, facing where it faced.
+    """
+    if labels.phase is None or len(labels) != len(database):
+        raise ValueError(f"labels of {len(labels)} frames for a database of {len(database)}, with phases")
+    layout = Layout(len(database.skeleton) - 1, len(labels.names))
+    parts = [
+        _range(database, labels, heights, layout, int(start), int(stop))
+        for start, stop in zip(database.starts, database.stops, strict=True)
+        if stop - start > 2
+    ]
+    empty = np.zeros((0, layout.input_size), np.float32), np.zeros((0, layout.output_size), np.float32)
+    x, y, which = zip(*parts, strict=True) if parts else ([empty[0]], [empty[1]], [np.zeros(0, np.int64)])
+    frame = np.concatenate(which)
+    return Frames(np.concatenate(x), np.concatenate(y), labels.phase[frame], frame)
+
+
+def _range(
+    database: Database, labels: Labels, heights: Array | None, layout: Layout, start: int, stop: int
+) -> tuple[Array, Array, NDArray[np.int64]]:
+    fps, spacing = database.fps, interval(database.fps)
+    poses = database.poses[slice(start, stop)]
+    root, yaw = poses.positions[:, 0][:, [0, 2]].astype(np.float64), quat.yaw(poses.rotations[:, 0])
+    positions, rotations = (np.array(a) for a in (poses.positions, poses.rotations))
+    positions[:, 0], rotations[:, 0] = 0, quat.identity()
+    local, turned = kinematics.forward(database.skeleton, positions, rotations)
+    world, _ = kinematics.forward(
+        database.skeleton, poses.positions.astype(np.float64), poses.rotations.astype(np.float64)
+    )
+    local, turned, world = local[:, 1:], kinematics.unroll(turned)[:, 1:], world[:, 1:]
+    back = quat.inv(quat.from_yaw(yaw.astype(np.float64)))
+    # Velocities lead to the next frame.
+    moving = (quat.rotate(back[:-1, None], np.diff(world, axis=0)) * fps).astype(np.float32)
+
+    t = np.arange(1, stop - start - 1)
+    path, facing, at = _samples(root, yaw, t, spacing * np.arange(-PRESENT, FUTURE))
+    beyond = np.zeros((len(t), SAMPLES, SIDES), np.float32)
+    x = layout.pack_inputs(
+        Inputs(
+            path=path,
+            facing=facing,
+            gaits=labels.gait[start + at],
+            positions=local[t - 1],
+            velocities=moving[t - 1],
+            heights=beyond if heights is None else heights[start + t],
+        )
+    )
+    path, facing, _ = _samples(root, yaw, t + 1, spacing * np.arange(FUTURE))
+    step = ground_plane.directions_to_local(np.diff(root, axis=0)[t, None], yaw[t])[:, 0]
+    phase = np.asarray(labels.phase, np.float64)[start:stop]
+    y = layout.pack_outputs(
+        Outputs(
+            root_velocity=step * fps,
+            turn_rate=springs.wrap(yaw[t + 1] - yaw[t]) * fps,
+            phase_rate=springs.wrap(phase[t + 1] - phase[t]) * fps,
+            contacts=labels.contacts[start + t].astype(np.float32),
+            path=path,
+            facing=facing,
+            positions=local[t],
+            velocities=moving[t],
+            rotations=turned[t],
+        )
+    )
+    return x, y, start + t
+
+
+def _samples(
+    root: NDArray, yaw: NDArray, t: NDArray, offsets: NDArray
+) -> tuple[NDArray, NDArray, NDArray[np.int64]]:
+    """The trajectory around frames t [M] at offsets [K] of them, in their roots: positions and directions
+    [M, K, 2], and the frames [M, K] that they are taken of."""
+    wanted = t[:, None] + offsets
+    at = np.clip(wanted, 0, len(root) - 1)
+    first, last = root[1] - root[0], root[-1] - root[-2]
+    places = (
+        root[at] + np.minimum(wanted, 0)[..., None] * first + np.maximum(wanted - at, 0)[..., None] * last
+    )
+    here = root[t], yaw[t]
+    return (
+        ground_plane.points_to_local(places, *here),
+        ground_plane.directions_to_local(ground_plane.facing(yaw[at]), yaw[t]),
+        at,
+    )
