@@ -153,6 +153,8 @@ def reach_for(place, touch, leg, hinge, parents, world_pos, world_rot, rotations
     if dot(plane, axis) > 0.2 * a * b:
         size = math.sqrt(dot(plane, plane))
         axis = (plane[0] / size, plane[1] / size, plane[2] / size)
+    else:
+        bend = math.atan2(dot(plane, axis), dot(thigh, shin))  # below 0 where the knee is overstretched
     half = (wanted - bend) / 2
     sine = math.sin(half)
     knee_turn = (math.cos(half), sine * axis[0], sine * axis[1], sine * axis[2])

@@ -68,6 +68,8 @@ def reach_for(place, touch, leg, hinge, parents, world_pos, world_rot, rotations
     axis = quat.rotate(world_rot[:, leg[0]].astype(np.float64), hinge[None].astype(np.float64))
     plane = np.cross(thigh, shin)
     planar = (np.sum(plane * axis, axis=-1) > 0.2 * a * b)[:, None]
+    turned = np.arctan2(np.sum(plane * axis, axis=-1), np.sum(thigh * shin, axis=-1))
+    bend = np.where(planar[:, 0], bend, turned)
     size = np.linalg.norm(plane, axis=-1, keepdims=True)
     axis = np.where(planar, plane / np.where(planar, size, 1), axis)
     knee_turn = quat.from_axis_angle(axis, wanted - bend)
