@@ -198,7 +198,7 @@ def test_memory_names_the_weights_of_the_mode() -> None:
     model = pfnn_models.model()
     sizes = {mode: PhaseController(model, mode=mode).memory() for mode in ("cubic", "linear", "constant")}
     for mode, memory in sizes.items():
-        assert memory[f"weights ({mode})"] == model.network.weight_bytes(mode)
+        assert memory["network"] == model.network.weight_bytes(mode)
     assert sizes["cubic"]["character"] == PhaseController(model, count=64).memory()["character"]
 
 

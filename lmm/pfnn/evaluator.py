@@ -138,7 +138,7 @@ class PhaseEvaluator:
         """Bytes: of the weight sets (REFERENCE 4.3), what pads them, the normalisation."""
         padding = self.packed.weights.nbytes - self.weight_bytes
         return {
-            f"weights ({self.mode})": self.weight_bytes,
+            "network": self.weight_bytes,
             "padding": padding,
             "statistics": self.packed.numbers.nbytes,
         }
