@@ -28,8 +28,8 @@ from ..tiles import TALL_TILES, TILE, close_tiles, open_tiles, tiles_times_pairs
 _jit = numba.njit(cache=True, nogil=True, error_model="numpy")
 
 BLOCK = 96  # rows that go through all layers together, at most
-# Up to so many rows each goes by itself, past inputs that are 0: of one set, of several (whose weights then do
-# not stay in the cache from row to row), and of half floats, which are made floats for many rows.
+# Up to so many rows each goes by itself, past inputs that are 0: of one set; of several, whose weights do not
+# stay in the cache from row to row; and of half floats, which are made floats for many rows.
 FEW, FEW_BLENDED, FEW_HALVES = 3, 1, 6
 LOWEST, SMALL, ONE, TWO = np.float32(-17), np.float32(1 / 64), np.float32(1), np.float32(2)
 SERIES = tuple(np.float32(1 / math.factorial(n)) for n in range(2, 7))  # of exp(y) - 1, from y^2 on
