@@ -1,4 +1,4 @@
-"""``python -m features``: look at feature schemas, label motion."""
+"""``python -m features``: look at feature schemas, label motion, fit terrain to it."""
 
 from __future__ import annotations
 
@@ -10,16 +10,17 @@ from motion import config, console, files
 
 from . import presets
 from .label_cli import label
+from .terrain_cli import heightmap, terrain
 
 
-@console.group(
-    "features", "What a frame looks like to a search or a network: feature schemas, labels of motion."
-)
+@console.group("features", "What a frame looks like to a search or a network: schemas, labels, terrain.")
 def main() -> None:
     pass
 
 
 main.add_command(label)
+main.add_command(terrain)
+main.add_command(heightmap)
 
 
 @main.command(

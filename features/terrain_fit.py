@@ -14,9 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from motion import console
+from motion import console, kinematics
+from motion.clip import Clip
 from motion.errors import UserError
 
+from . import contacts as touching
+from .labels import Labels
 from .patches import Patches
 from .terrain import Ground
 
@@ -110,6 +113,12 @@ def soles(places: Array, contacts: NDArray) -> NDArray[np.float64]:
     return lowered
 
 
+def soles_of(clip: Clip, labels: Labels) -> NDArray[np.float64]:
+    """The `soles` [T, C, 3], metres, of what a clip's labels name."""
+    world = kinematics.forward(clip.skeleton, clip.positions, clip.rotations)
+    return soles(touching.points(clip.skeleton, clip.fps, *world, labels.names), labels.contacts)
+
+
 def fit(
     patches: Patches, feet: Array, contacts: NDArray, *, count: int = COUNT, jumping: NDArray | None = None
 ) -> Grounds:
@@ -168,7 +177,7 @@ def fit_clip(
 ) -> Iterator[tuple[slice, Grounds]]:
     """The frames of each stretch of a clip, and its grounds; what is given (see `fit`) is of all frames."""
     parts = stretches(len(feet), fps, seconds=seconds)
-    for own, reached in progress(parts, description="terrain"):
+    for own, reached in progress(parts, label="terrain", unit="stretches"):
         jumps = None if jumping is None else jumping[reached]
         yield own, fit(patches, feet[reached], contacts[reached], count=count, jumping=jumps)
 
