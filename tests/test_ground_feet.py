@@ -9,6 +9,7 @@ from mm.build import build
 from mm.description import Description
 from mm.ground_feet import GroundFeet
 from motion import kinematics, quat
+from motion.errors import UserError
 
 FPS = 60.0
 HILLS = terrain_made.make(4, "hills", size=(30, 30))
@@ -259,3 +260,17 @@ def test_an_overstretched_knee_reaches_too(database, legs):
         _, was, _ = world(database, legs, positions, rotations)
         _, now, _ = world(database, legs, *after)
         np.testing.assert_allclose(now[0, 0, 1] - was[0, 0, 1], 0.15, atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("ground", "message"),
+    [
+        (lambda x, z: np.zeros(3), r"gives heights \(3,\)"),
+        (lambda x, z: x * np.nan, "gives no finite heights"),
+    ],
+)
+def test_a_ground_that_is_none(database, legs, ground, message):
+    positions, rotations, contacts = frames(database, "stand", 1)
+    feet = GroundFeet(database.skeleton, legs, FPS, 1, ground=ground)
+    with pytest.raises(UserError, match=message):
+        feet.apply(contacts, positions, rotations)
