@@ -36,7 +36,7 @@ CELL, MOST_KNOTS = 0.01, 150  # metres: contacts closer to each other are one kn
 SMOOTHING = 1e-4
 # Feet off contact may be this deep in the ground; deeper, the correction takes them in, but for those right
 # beside a contact. They are looked at by cells, each by its lowest foot.
-SINK, BESIDE, UP_CELL = 0.01, 0.02, 0.04  # metres
+SINK, BESIDE, UP_CELL = 0.005, 0.01, 0.02  # metres
 ROUNDS = 4
 # Contacts on one level lie this close together (metres); a level has so many of them, measured by the most.
 _NEAR, _LEVEL = 0.05, 1 / 3
