@@ -18,7 +18,7 @@ from motion.skeleton import Skeleton
 from . import ground_kernels, ground_kernels_numpy
 from .feet import Legs
 
-HALFLIFE = 0.05  # seconds; in twice that a foot is up most of a step
+HALFLIFE = 0.03  # seconds; in three times that a foot is up most of a step
 
 
 class GroundFeet:

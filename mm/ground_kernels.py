@@ -20,7 +20,7 @@ _jit = numba.njit(cache=True, nogil=True, error_model="numpy")
 # where it rises twice as fast (a step), and partly so in between.
 STEEPEST, SLACK = 0.8, 0.3  # metres a metre, and m/s
 # A step up that a foot will come to in this time (seconds), no further than this (metres), lifts it already.
-LOOK, FURTHEST = 0.15, 0.4
+LOOK, FURTHEST = 0.1, 0.4
 BEND = 0.15  # metres a metre that a slope may grow steeper ahead without being a step
 TILT = 0.6  # radians that the ground turns a foot by at most
 # Shares of a leg's length: how much more or less than the body a foot is raised, how far the body sinks.
@@ -111,16 +111,17 @@ def stand(levels, grounds, places, follow, halflife, dt, contacts, heights, pare
     """Put feet on the ground; changes positions and rotations [N, J, ..] in place.
 
     grounds [N, 1 + 4 C] are its heights at places. With follow, poses are made for level ground at their
-    root's height, and root, body and feet rise with the ground; else for this ground, and what touches only
-    comes to lie between heights [C, 2] above it, upwards of them too where contacts [N, C] are 0. hinges
-    [C, 3]: see `mm.feet.Legs`; under_root [..] are the root's children; raises [C, 2] is scratch.
+    root's height, and root, body and feet rise with the ground, over steps the root in twice the time that
+    feet take. Else they are made for this ground, and what touches only comes to lie between heights [C, 2]
+    above it, or higher where contacts [N, C] are 0. hinges [C, 3]: see `mm.feet.Legs`; under_root [..] are
+    the root's children; raises [C, 2] is scratch.
     """
     feet = len(legs)
     for i in range(len(positions)):
         height = positions[i, 0, 1]
         root, body = height, 0.0
         if follow:
-            root = track(levels[i, 0], places[i, 0, 0], places[i, 0, 1], grounds[i, 0], halflife, dt)
+            root = track(levels[i, 0], places[i, 0, 0], places[i, 0, 1], grounds[i, 0], 2 * halflife, dt)
             body = (root - height) / (1 + feet)
         for k in range(feet):
             t, ahead = 1 + 2 * k, 1 + 2 * (feet + k)

@@ -51,7 +51,7 @@ def stand(levels, grounds, places, follow, halflife, dt, contacts, heights, pare
     raised = np.zeros((len(positions), feet, 2))
     root, body = height, np.zeros(len(positions))
     if follow:
-        root = track(levels[:, 0], places[:, 0], grounds[:, 0], halflife, dt)
+        root = track(levels[:, 0], places[:, 0], grounds[:, 0], 2 * halflife, dt)
         for k in range(feet):
             t, ahead = 1 + 2 * k, 1 + 2 * (feet + k)
             way = np.linalg.norm(places[:, ahead] - places[:, t], axis=-1)
