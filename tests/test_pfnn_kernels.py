@@ -7,6 +7,7 @@ import pfnn_models
 import pytest
 
 from lmm.evaluator import products_here
+from lmm.locomotion import layers
 from lmm.pfnn import kernels, spline
 from lmm.pfnn.evaluator import PhaseEvaluator
 from motion.errors import UserError
@@ -47,7 +48,7 @@ def test_a_row_does_the_same_in_any_batch_bit_for_bit(mode: spline.Mode, kind) -
         np.testing.assert_array_equal(whole.evaluate(x[:count], phases[:count]), expected[:count])
     together = np.full(256, phases[3])  # all of one set, more than a block
     crowd = whole.evaluate(x, together).copy()
-    assert len(x) > kernels.BLOCK
+    assert len(x) > layers.BLOCK
     np.testing.assert_array_equal(one.evaluate(x[200:201], together[:1])[0], crowd[200])
 
 
@@ -76,11 +77,11 @@ def test_bfloat16_products_are_those_of_rounded_numbers(mode: spline.Mode) -> No
 def test_the_activation_is_exp_minus_1() -> None:
     x = np.concatenate([-np.logspace(-9, 3, 1000), [0, 3, -np.inf, np.inf]]).astype(np.float32)
     found = x.copy()
-    kernels._elu(found, len(found))
+    layers._elu(found, len(found))
     with np.errstate(over="ignore"):
         np.testing.assert_allclose(found, np.where(x > 0, x, np.expm1(x.astype(np.float64))), rtol=1e-6)
     nan = np.full(3, np.nan, np.float32)
-    kernels._elu(nan, 2)
+    layers._elu(nan, 2)
     assert np.isnan(nan).all()
 
 

@@ -12,8 +12,9 @@ from features.labels import Labels
 from mm.database import Database
 from motion import kinematics, quat, springs
 
-from .layout import FUTURE, PRESENT, SAMPLES, SIDES, Inputs, Layout, Outputs
-from .trajectory import interval
+from ..locomotion.trajectory import interval
+from ..locomotion.window import FUTURE, PRESENT, SAMPLES, SIDES, around
+from .layout import Inputs, Layout, Outputs
 
 Array = NDArray[np.float32]
 
@@ -45,15 +46,19 @@ def frames(database: Database, labels: Labels, *, heights: Array | None = None) 
     if labels.phase is None or len(labels) != len(database):
         raise ValueError(f"labels of {len(labels)} frames for a database of {len(database)}, with phases")
     layout = Layout(len(database.skeleton) - 1, len(labels.names))
-    parts = [
-        _range(database, labels, heights, layout, int(start), int(stop))
-        for start, stop in zip(database.starts, database.stops, strict=True)
-        if stop - start > 2
-    ]
-    empty = np.zeros((0, layout.input_size), np.float32), np.zeros((0, layout.output_size), np.float32)
-    x, y, which = zip(*parts, strict=True) if parts else ([empty[0]], [empty[1]], [np.zeros(0, np.int64)])
-    frame = np.concatenate(which)
-    return Frames(np.concatenate(x), np.concatenate(y), labels.phase[frame], frame)
+    # Filled range by range: one array of all frames is the most that is held.
+    lengths = np.maximum(database.stops.astype(np.int64) - database.starts - 2, 0)
+    count = int(lengths.sum())
+    x, y = (np.empty((count, size), np.float32) for size in (layout.input_size, layout.output_size))
+    frame, at = np.empty(count, np.int64), 0
+    for start, length in zip(database.starts.tolist(), lengths.tolist(), strict=True):
+        if length:
+            rows = slice(at, at + length)
+            x[rows], y[rows], frame[rows] = _range(
+                database, labels, heights, layout, start, start + length + 2
+            )
+            at += length
+    return Frames(x, y, labels.phase[frame], frame)
 
 
 def _range(
@@ -74,7 +79,7 @@ def _range(
     moving = (quat.rotate(back[:-1, None], np.diff(world, axis=0)) * fps).astype(np.float32)
 
     t = np.arange(1, stop - start - 1)
-    path, facing, at = _samples(root, yaw, t, spacing * np.arange(-PRESENT, FUTURE))
+    path, facing, at = around(root, yaw, t, spacing * np.arange(-PRESENT, FUTURE))
     beyond = np.zeros((len(t), SAMPLES, SIDES), np.float32)
     x = layout.pack_inputs(
         Inputs(
@@ -86,7 +91,7 @@ def _range(
             heights=beyond if heights is None else heights[start + t],
         )
     )
-    path, facing, _ = _samples(root, yaw, t + 1, spacing * np.arange(FUTURE))
+    path, facing, _ = around(root, yaw, t + 1, spacing * np.arange(FUTURE))
     step = ground_plane.directions_to_local(np.diff(root, axis=0)[t, None], yaw[t])[:, 0]
     phase = np.asarray(labels.phase, np.float64)[start:stop]
     y = layout.pack_outputs(
@@ -103,22 +108,3 @@ def _range(
         )
     )
     return x, y, start + t
-
-
-def _samples(
-    root: NDArray, yaw: NDArray, t: NDArray, offsets: NDArray
-) -> tuple[NDArray, NDArray, NDArray[np.int64]]:
-    """The trajectory around frames t [M] at offsets [K] of them, in their roots: positions and directions
-    [M, K, 2], and the frames [M, K] that they are taken of."""
-    wanted = t[:, None] + offsets
-    at = np.clip(wanted, 0, len(root) - 1)
-    first, last = root[1] - root[0], root[-1] - root[-2]
-    places = (
-        root[at] + np.minimum(wanted, 0)[..., None] * first + np.maximum(wanted - at, 0)[..., None] * last
-    )
-    here = root[t], yaw[t]
-    return (
-        ground_plane.points_to_local(places, *here),
-        ground_plane.directions_to_local(ground_plane.facing(yaw[at]), yaw[t]),
-        at,
-    )

@@ -1,39 +1,16 @@
-"""A phase-functioned network's hot loops, compiled; `lmm.pfnn.kernels_numpy` is the obvious twin.
-
-A layer is linear in its weights: x W(p) = the sum over weight sets of share x W_s. So a row is laid out as
-one of all sets that its phase needs, [share_1 x, share_1, share_2 x, share_2, ..], and goes through plain
-products with the sets' weights and biases on top of each other. Rows of one first set go together.
-"""
+"""A phase-functioned network's hot loops, compiled; `lmm.pfnn.kernels_numpy` is the obvious twin."""
 
 from __future__ import annotations
 
 import math
 
 import numba
-import numpy as np
 
-from ..lanes import (
-    GROUP,
-    PANEL,
-    SHORT,
-    TALL,
-    active_times_panels,
-    panel_to_floats,
-    round_to_pairs,
-    rows_times_pairs,
-    rows_times_panel,
-)
-from ..tiles import TALL_TILES, TILE, close_tiles, open_tiles, tiles_times_pairs
+from ..locomotion import layers as mixed
 
 _jit = numba.njit(cache=True, nogil=True, error_model="numpy")
 
-BLOCK = 96  # rows that go through all layers together, at most
-# Up to so many rows each goes by itself, past inputs that are 0: of one set; of several, whose weights do not
-# stay in the cache from row to row; and of half floats, which are made floats for many rows.
-FEW, FEW_BLENDED, FEW_HALVES = 3, 1, 6
-LOWEST, SMALL, ONE, TWO = np.float32(-17), np.float32(1 / 64), np.float32(1), np.float32(2)
-SERIES = tuple(np.float32(1 / math.factorial(n)) for n in range(2, 7))  # of exp(y) - 1, from y^2 on
-MANY = 2 * TALL  # from so many rows on, a panel is copied to stand in few cache lines
+_evaluate, _evaluate_pairs = mixed.evaluate, mixed.evaluate_pairs
 
 
 @_jit
@@ -79,245 +56,19 @@ def evaluate(x, phases, sets, used, layers, weights, numbers, first, shares, ord
              active, y):  # fmt: skip
     """Write the network's outputs of x [N, I] at phases [N] to y [N, O].
 
-    layers, weights, numbers: see `lmm.pfnn.evaluator.Packed`; the rest is scratch for N rows.
+    layers, weights, numbers: see `lmm.locomotion.evaluator.Packed`; the rest is scratch for N rows.
     """
     share(phases, sets, used, first, shares)
     sort(first, sets, order, ends)
-    few = FEW_HALVES if weights.itemsize < 4 else FEW_BLENDED if used > 1 else FEW
-    block, begin = len(work), 0
-    for s in range(sets):
-        while begin < ends[s]:
-            rows = min(block, ends[s] - begin)
-            _normalise(x, order[begin : begin + rows], numbers, work)
-            for layer in range(len(layers)):
-                inputs, outputs = layers[layer, 0], layers[layer, 1] * PANEL
-                for n in range(rows):
-                    _widen(work[n], shares[order[begin + n]], inputs, layers[layer, 4], wide[n])
-                if rows <= few:
-                    for n in range(rows):
-                        _one_row(
-                            layers[layer], weights, numbers, sets, used, s, wide[n], active, panel, work[n]
-                        )
-                else:
-                    _many_rows(layers[layer], weights, numbers, sets, used, s, wide, rows, panel, work)
-                if layer < len(layers) - 1:
-                    for n in range(rows):
-                        _elu(work[n], outputs)
-            _put(work, order[begin : begin + rows], y)
-            begin += rows
+    _evaluate(x, sets, used, layers, weights, numbers, shares, order, ends, work, wide, panel, active, y)
 
 
 @_jit
 def evaluate_pairs(tiles, x, phases, sets, used, layers, weights, numbers, first, shares, order, ends, work,
                    wide, panel, active, y):  # fmt: skip
-    """As `evaluate`, of weights in pairs (`lmm.lanes`): inputs of every layer are rounded to bfloat16.
-
-    tiles: whether the process may use the processor's matrix tiles (`lmm.tiles`).
-    """
+    """As `evaluate`, of weights in pairs, see `lmm.locomotion.layers.evaluate_pairs`."""
     share(phases, sets, used, first, shares)
     sort(first, sets, order, ends)
-    few = 1 if tiles else FEW
-    pairs, listed = wide.view(np.uint32), panel.view(np.uint32)
-    block, begin = len(work), 0
-    if tiles:
-        open_tiles()
-    for s in range(sets):
-        while begin < ends[s]:
-            rows = min(block, ends[s] - begin)
-            _normalise(x, order[begin : begin + rows], numbers, work)
-            for layer in range(len(layers)):
-                inputs, outputs, depth = layers[layer, 0], layers[layer, 1] * PANEL, layers[layer, 4]
-                for n in range(rows):
-                    _widen(work[n], shares[order[begin + n]], inputs, 2 * depth, wide[n])
-                    row = wide.ctypes.data + 4 * n * wide.shape[1]
-                    round_to_pairs(row, row, used * depth)
-                if rows <= few:
-                    for n in range(rows):
-                        _one_row(
-                            layers[layer], weights, numbers, sets, used, s, pairs[n], active, listed, work[n]
-                        )
-                else:
-                    _many_rows_of_pairs(
-                        layers[layer], weights, numbers, sets, used, s, wide, rows, listed, tiles, work
-                    )
-                if layer < len(layers) - 1:
-                    for n in range(rows):
-                        _elu(work[n], outputs)
-            _put(work, order[begin : begin + rows], y)
-            begin += rows
-    if tiles:
-        close_tiles()
-
-
-@_jit
-def _put(work, rows, y):
-    for n in range(len(rows)):
-        row = rows[n]
-        for o in range(y.shape[1]):
-            y[row, o] = work[n, o]
-
-
-@_jit
-def _normalise(x, rows, numbers, work):
-    """Rows of x, each number in units of its column's deviation."""
-    inputs = x.shape[1]
-    for n in range(len(rows)):
-        row = rows[n]
-        for i in range(inputs):
-            work[n, i] = (x[row, i] - numbers[i]) / numbers[inputs + i]
-
-
-@_jit
-def _widen(row, shares, inputs, depth, wide):
-    """A row and a 1 behind it, times every share, each with 0 up to depth numbers."""
-    for u in range(len(shares)):
-        at, part = u * depth, shares[u]
-        for i in range(inputs):
-            wide[at + i] = part * row[i]
-        wide[at + inputs] = part
-        for i in range(inputs + 1, depth):
-            wide[at + i] = 0
-
-
-@_jit
-def _elu(row, count):
-    """x where positive, else exp(x) - 1, to a few parts in 10^7; loops over vectors, which expm1 does not.
-
-    With e(y) = exp(y) - 1, e(2 y) = e(y) (e(y) + 2): six times from the series at y = x / 64.
-    """
-    for k in range(count):
-        x = row[k]
-        y = (LOWEST if x < LOWEST else x) * SMALL
-        e = y * (ONE + y * (SERIES[0] + y * (SERIES[1] + y * (SERIES[2] + y * (SERIES[3] + y * SERIES[4])))))
-        e = e * (e + TWO)
-        e = e * (e + TWO)
-        e = e * (e + TWO)
-        e = e * (e + TWO)
-        e = e * (e + TWO)
-        e = e * (e + TWO)
-        row[k] = x if x > 0 else e
-
-
-@_jit
-def _panel(first, depth, panels, p):
-    """Where panel p of a layer begins, of so many inputs in all, and how far its inputs are apart."""
-    group = p // GROUP * GROUP
-    return first + PANEL * (group * depth + p - group), PANEL * min(GROUP, panels - group)
-
-
-@_jit
-def _one_row(layer, weights, numbers, sets, used, s, wide, active, values, y):
-    """One row through one layer: only inputs, or pairs, that are not 0 count."""
-    depth, panels, first = layer[4], layer[1], layer[2]
-    scale = numbers.ctypes.data + 4 * layer[3]
-    bias = scale + 4 * panels * PANEL
-    count = 0
-    for u in range(used):
-        begin = (s + u) % sets * depth
-        for i in range(depth):
-            value = wide[u * depth + i]
-            active[count], values[count] = begin + i, value
-            count += value != 0
-    listed, value, p = active.ctypes.data, values.ctypes.data, 0
-    while p < panels:
-        at, stride = _panel(first, sets * depth, panels, p)
-        place = 4 * p * PANEL
-        to = y.ctypes.data + place
-        if p + GROUP <= panels:
-            active_times_panels(
-                GROUP, weights, at, stride, listed, value, count, scale + place, bias + place, 0, to
-            )
-            p += GROUP
-        elif p + 2 <= panels:
-            active_times_panels(
-                2, weights, at, stride, listed, value, count, scale + place, bias + place, 0, to
-            )
-            p += 2
-        else:
-            active_times_panels(
-                1, weights, at, stride, listed, value, count, scale + place, bias + place, 0, to
-            )
-            p += 1
-
-
-@_jit
-def _many_rows(layer, weights, numbers, sets, used, s, wide, rows, floats, y):
-    """Rows through one layer, panel by panel; rows beyond, up to a multiple of SHORT, are computed too."""
-    depth, panels, first = layer[4], layer[1], layer[2]
-    scale = numbers.ctypes.data + 4 * layer[3]
-    bias = scale + 4 * panels * PANEL
-    wide_width, width = wide.shape[1], y.shape[1]
-    for p in range(panels):
-        at, stride = _panel(first, sets * depth, panels, p)
-        if weights.itemsize == 4 and rows <= MANY and s + used <= sets:
-            panel, step = weights.ctypes.data + 4 * (at + s * depth * stride), stride
-        else:
-            panel, step = floats.ctypes.data, PANEL
-            for u in range(used):
-                begin = (s + u) % sets * depth
-                panel_to_floats(weights, at + begin * stride, stride, depth, panel + 4 * u * depth * PANEL)
-        place, n = 4 * p * PANEL, 0
-        while n < rows:
-            x = wide.ctypes.data + 4 * n * wide_width
-            to = y.ctypes.data + 4 * n * width + place
-            if n + TALL <= rows:
-                rows_times_panel(
-                    TALL, x, wide_width, panel, step, used * depth, scale + place, bias + place, 0, to, width
-                )
-                n += TALL
-            else:
-                rows_times_panel(
-                    SHORT, x, wide_width, panel, step, used * depth, scale + place, bias + place, 0, to, width
-                )
-                n += SHORT
-
-
-@_jit
-def _many_rows_of_pairs(layer, weights, numbers, sets, used, s, wide, rows, copied, tiles, y):
-    """As `_many_rows`, of pairs; rows beyond go up to a multiple of TILE where there are tiles."""
-    depth, panels, first = layer[4], layer[1], layer[2]
-    scale = numbers.ctypes.data + 4 * layer[3]
-    bias = scale + 4 * panels * PANEL
-    wide_width, width, pairs = wide.shape[1], y.shape[1], used * depth
-    for p in range(panels):
-        at, stride = _panel(first, sets * depth, panels, p)
-        panel, step = weights.ctypes.data + 4 * (at + s * depth * stride), stride
-        if s + used > sets:
-            panel, step = copied.ctypes.data, PANEL
-            for i in range(used * depth):
-                row = at + (s * depth + i) % (sets * depth) * stride
-                copied[i * PANEL : (i + 1) * PANEL] = weights[row : row + PANEL]
-        place, n = 4 * p * PANEL, 0
-        while n < rows:
-            x = wide.ctypes.data + 4 * n * wide_width
-            to = y.ctypes.data + 4 * n * width + place
-            if tiles and n + TILE < rows:
-                tiles_times_pairs(
-                    TALL_TILES,
-                    x,
-                    wide_width,
-                    panel,
-                    step,
-                    used * depth,
-                    scale + place,
-                    bias + place,
-                    0,
-                    to,
-                    width,
-                )
-                n += TALL_TILES
-            elif tiles:
-                tiles_times_pairs(
-                    TILE, x, wide_width, panel, step, pairs, scale + place, bias + place, 0, to, width
-                )
-                n += TILE
-            elif n + TALL <= rows:
-                rows_times_pairs(
-                    TALL, x, wide_width, panel, step, pairs, scale + place, bias + place, 0, to, width
-                )
-                n += TALL
-            else:
-                rows_times_pairs(
-                    SHORT, x, wide_width, panel, step, pairs, scale + place, bias + place, 0, to, width
-                )
-                n += SHORT
+    _evaluate_pairs(
+        tiles, x, sets, used, layers, weights, numbers, shares, order, ends, work, wide, panel, active, y
+    )

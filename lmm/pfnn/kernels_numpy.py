@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..lanes import GROUP, PANEL
-from ..network import elu, to_bfloat16
+from ..locomotion import layers_numpy as mixed
 from . import spline
 
 _MODES = {used: mode for mode, used in spline.USED.items()}
@@ -13,48 +12,22 @@ _MODES = {used: mode for mode, used in spline.USED.items()}
 
 def evaluate(x, phases, sets, used, layers, weights, numbers, first, shares, order, ends, work, wide, panel,
              active, y):  # fmt: skip
-    """See `lmm.pfnn.kernels.evaluate`; scratch is left alone."""
-    stored = weights.view(np.float16) if weights.dtype == np.uint16 else weights
-    stacks = [_stacked(stored, sets, layer).astype(np.float32) for layer in layers]
-    _layers(x, phases, sets, used, layers, stacks, numbers, lambda h: h, y)
+    """See `lmm.pfnn.kernels.evaluate`."""
+    _share(phases, sets, used, first, shares, order, ends)
+    mixed.evaluate(x, sets, used, layers, weights, numbers, shares, order, ends, work, wide, panel, active, y)
 
 
 def evaluate_pairs(tiles, x, phases, sets, used, layers, weights, numbers, first, shares, order, ends, work,
                    wide, panel, active, y):  # fmt: skip
-    """See `lmm.pfnn.kernels.evaluate_pairs`; scratch is left alone."""
-    stacks = []
-    for layer in layers:
-        pairs = _stacked(weights, sets, layer)
-        both = np.stack([pairs << 16, pairs & 0xFFFF0000], axis=2)
-        stacks.append(both.reshape(sets, -1, pairs.shape[2]).view(np.float32))
-    _layers(x, phases, sets, used, layers, stacks, numbers, to_bfloat16, y)
+    """See `lmm.pfnn.kernels.evaluate_pairs`."""
+    _share(phases, sets, used, first, shares, order, ends)
+    mixed.evaluate_pairs(
+        tiles, x, sets, used, layers, weights, numbers, shares, order, ends, work, wide, panel, active, y
+    )
 
 
-def _layers(x, phases, sets, used, layers, stacks, numbers, rounded, y):
-    """Write what layers make of x to y; rounded is what happens to every layer's inputs times their share."""
-    inputs = x.shape[1]
-    begin, share = spline.shares(phases, _MODES[used])
-    which, share = (begin[:, None] + np.arange(used)) % sets, share.astype(np.float32)
-    h = (x - numbers[:inputs]) / numbers[inputs : 2 * inputs]
-    for layer, stacked in enumerate(stacks):
-        depth, panels, _, scale, _ = layers[layer]
-        one = np.concatenate([elu(h) if layer else h, np.ones((len(h), 1), h.dtype)], axis=1)
-        scales, biases = numbers[scale : scale + 2 * panels * PANEL].reshape(2, -1)
-        h = np.zeros((len(x), panels * PANEL), np.float32)
-        for u in range(used):  # a set at a time: rows of one set are one product
-            for s in np.unique(which[:, u]):
-                rows = np.flatnonzero(which[:, u] == s)
-                h[rows] += rounded(share[rows, u, None] * one[rows]) @ stacked[s, : depth + 1]
-        h = (h * scales + biases)[:, : layers[layer + 1, 0] if layer + 1 < len(layers) else y.shape[1]]
-    y[:] = h
-
-
-def _stacked(stored, sets, layer):
-    """A layer's weights and biases [sets, depth, 32 panels] out of its groups."""
-    _, panels, at, _, depth = layer
-    groups = []
-    for p in range(0, panels, GROUP):
-        width = PANEL * min(GROUP, panels - p)
-        start = at + PANEL * p * sets * depth
-        groups.append(stored[start : start + sets * depth * width].reshape(sets, depth, width))
-    return np.concatenate(groups, axis=-1)
+def _share(phases, sets, used, first, shares, order, ends):
+    """`lmm.pfnn.kernels.share` and `sort`."""
+    first[:], shares[:] = spline.shares(phases, _MODES[used])
+    order[:] = np.argsort(first, kind="stable")
+    ends[:] = np.cumsum(np.bincount(first, minlength=sets))

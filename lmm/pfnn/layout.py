@@ -16,14 +16,9 @@ from numpy.typing import NDArray
 
 from motion import quat
 
-Array = NDArray[np.float32]
+from ..locomotion.window import FUTURE, GAITS, SAMPLES, SIDES, samples, slices
 
-SAMPLES, PRESENT = 12, 6  # of the trajectory; the one that is now
-FUTURE = SAMPLES - PRESENT  # samples that are put out, the present among them
-INTERVAL = 1 / 6  # seconds from one to the next
-SIDES = 3  # heights to the right, in the middle, to the left
-ASIDE = 0.25  # metres
-GAITS = ("stand", "walk", "jog", "crouch", "jump", "other")  # `features.gait`'s, whose import takes long
+Array = NDArray[np.float32]
 
 
 @dataclass(eq=False)
@@ -92,7 +87,7 @@ class Layout:
     @cached_property
     def inputs(self) -> Mapping[str, slice]:
         """Columns by block, in order."""
-        return _slices(
+        return slices(
             path=2 * SAMPLES,
             facing=2 * SAMPLES,
             gaits=len(GAITS) * SAMPLES,
@@ -104,7 +99,7 @@ class Layout:
     @cached_property
     def outputs(self) -> Mapping[str, slice]:
         """Columns by block, in order."""
-        return _slices(
+        return slices(
             root_velocity=2,
             turn_rate=1,
             phase_rate=1,
@@ -132,12 +127,12 @@ class Layout:
         """The parts of vectors [N, I]."""
         found = {name: vectors[:, columns] for name, columns in self.inputs.items()}
         return Inputs(
-            path=_samples(found["path"], 2),
-            facing=_samples(found["facing"], 2),
-            gaits=_samples(found["gaits"], len(GAITS)),
+            path=samples(found["path"], 2),
+            facing=samples(found["facing"], 2),
+            gaits=samples(found["gaits"], len(GAITS)),
             positions=self._joints(found["positions"]),
             velocities=self._joints(found["velocities"]),
-            heights=_samples(found["heights"], SIDES),
+            heights=samples(found["heights"], SIDES),
         )
 
     def pack_outputs(self, parts: Outputs) -> Array:
@@ -147,13 +142,13 @@ class Layout:
     def unpack_outputs(self, vectors: Array) -> Outputs:
         """The parts of vectors [N, O]; directions are made unit."""
         found = {name: vectors[:, columns] for name, columns in self.outputs.items()}
-        facing = _samples(found["facing"], 2)
+        facing = samples(found["facing"], 2)
         return Outputs(
             root_velocity=found["root_velocity"],
             turn_rate=found["turn_rate"][:, 0],
             phase_rate=found["phase_rate"][:, 0],
             contacts=found["contacts"],
-            path=_samples(found["path"], 2),
+            path=samples(found["path"], 2),
             facing=facing / np.maximum(np.linalg.norm(facing, axis=-1, keepdims=True), 1e-8),
             positions=self._joints(found["positions"]),
             velocities=self._joints(found["velocities"]),
@@ -173,13 +168,3 @@ class Layout:
             by_component = name in ("path", "facing", "gaits", "heights")
             out[:, part] = (np.swapaxes(block, 1, 2) if by_component else block).reshape(count, -1)
         return out
-
-
-def _samples(block: Array, components: int) -> Array:
-    """[N, K, components] of a block that holds one component of all K samples after the other."""
-    return np.swapaxes(block.reshape(len(block), components, -1), 1, 2)
-
-
-def _slices(**sizes: int) -> Mapping[str, slice]:
-    stops = np.cumsum(list(sizes.values())).tolist()
-    return {name: slice(stop - sizes[name], stop) for name, stop in zip(sizes, stops, strict=True)}

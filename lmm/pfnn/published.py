@@ -20,7 +20,8 @@ from mm.description import Description
 from motion import files
 from motion.errors import UserError
 
-from .layout import SIDES, Layout
+from ..locomotion.window import SIDES
+from .layout import Layout
 from .model import PhaseModel
 from .network import PhaseNetwork
 

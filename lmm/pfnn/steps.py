@@ -1,8 +1,7 @@
 """What happens around the network in a frame, compiled; `lmm.pfnn.steps_numpy` is the obvious twin.
 
-Arrays: N characters (`lmm.pfnn.trajectory.CHARACTER`), J joints without the ground root, a past [N, H, 10]
-whose newest frame is at head. into and out are where blocks of inputs and outputs begin, in the order of
-`lmm.pfnn.layout.Layout`.
+Arrays: see `lmm.locomotion.steps`, whose functions are used as they are where they do. into and out are where
+blocks of inputs and outputs begin, in the order of `lmm.pfnn.layout.Layout`.
 """
 
 from __future__ import annotations
@@ -11,120 +10,30 @@ import math
 
 import numba
 
-from mm.kernels import push_out, turn
-from motion import springs
-from motion.quat_scalar import exp, inv, log_shortest, mul, rotate
+from motion.quat_scalar import exp
+
+from ..locomotion.steps import (
+    FUTURE,
+    SAMPLES,
+    mean_height,
+    move_joints,
+    move_root,
+    plan,
+    put_pose,
+    remember,
+    sample_points,
+)
+
+__all__ = ["advance", "plan", "sample_points", "show", "write_heights"]
 
 _jit = numba.njit(cache=True, nogil=True, error_model="numpy")
-
-SAMPLES, FUTURE, ASIDE = 12, 6, 0.25  # as `lmm.pfnn.layout` has them
-
-
-@_jit
-def plan(characters, past, head, velocity, yaw, turn_rate, crouch, settings, sums, turns, joints, velocities,
-         into, x):  # fmt: skip
-    """Take commands in, blend the future with them, and write the inputs [N, I] but for the heights.
-
-    velocity [N, 2], yaw, turn_rate, crouch [N]: see `mm.control.Command`. sums, turns [5]: see
-    `lmm.pfnn.trajectory.blend`. Returns the first character whose command is not finite, before which
-    nothing was done; or -1.
-    """
-    s = settings[0]
-    for i in range(len(characters)):
-        if not math.isfinite(velocity[i, 0] + velocity[i, 1] + yaw[i] + turn_rate[i]):
-            return i
-    for i in range(len(characters)):
-        c = characters[i]
-        for a in range(2):
-            c.target_velocity[a] += s.velocity_share * (velocity[i, a] - c.target_velocity[a])
-        c.target_yaw = springs.wrap(c.target_yaw + s.facing_share * springs.wrap(yaw[i] - c.target_yaw))
-        c.crouch += s.crouch_share * ((1 if crouch[i] else 0) - c.crouch)
-        _choose_gait(c, s)
-        _write_past(c, past[i], head, into, x[i])
-        _write_future(c, turn_rate[i], s.dt, len(past[i]) // FUTURE, sums, turns, into, x[i])
-        for j in range(joints.shape[1]):
-            for a in range(3):
-                x[i, into[3] + 3 * j + a] = joints[i, j, a]
-                x[i, into[4] + 3 * j + a] = velocities[i, j, a]
-    return -1
-
-
-@_jit
-def _choose_gait(c, s):
-    """Draw the gait towards the one that belongs to the speed asked for."""
-    vx, vz = c.target_velocity[0], c.target_velocity[1]
-    speed = math.sqrt(vx * vx + vz * vz)
-    stand = 1 - min(speed / s.stand_speed, 1.0) if s.stand_speed > 0 else 0.0
-    jog = min(max((speed - s.jog_from) / (s.jog_to - s.jog_from), 0.0), 1.0)
-    going, upright = 1 - stand, 1 - c.crouch
-    gait = (stand, going * upright * (1 - jog), going * upright * jog, going * c.crouch, 0.0, 0.0)
-    for g in range(6):
-        c.gait[g] += s.gait_share * (gait[g] - c.gait[g])
-
-
-@_jit
-def _write_past(c, past, head, into, x):
-    """Samples before the present."""
-    size = len(past)
-    spacing = size // FUTURE
-    for k in range(FUTURE):
-        frame = past[(head - ((FUTURE - k) * spacing - 1)) % size]
-        px, pz = turn(frame[0] - c.root[0], frame[1] - c.root[1], -c.root[2])
-        dx, dz = turn(frame[2], frame[3], -c.root[2])
-        _write_sample(into, x, k, px, pz, dx, dz)
-        for g in range(6):
-            x[into[2] + SAMPLES * g + k] = frame[4 + g]
-
-
-@_jit
-def _write_future(c, rate, dt, spacing, sums, turns, into, x):
-    """The present and the samples after it: those predicted, mixed with what is asked."""
-    vx, vz = turn(c.target_velocity[0], c.target_velocity[1], -c.root[2])
-    facing = springs.wrap(c.target_yaw - c.root[2])
-    _write_sample(into, x, FUTURE, 0.0, 0.0, 0.0, 1.0)
-    px, pz, before_x, before_z = 0.0, 0.0, 0.0, 0.0
-    for k in range(1, FUTURE):
-        part = sums[k - 1]
-        # Over the frames between two samples what is asked is taken as it is in their middle.
-        wx, wz = turn(vx, vz, rate * dt * spacing * (k - 0.5))
-        ahead_x, ahead_z = c.future[k, 0], c.future[k, 1]
-        px += (1 - part / spacing) * (ahead_x - before_x) + part * dt * wx
-        pz += (1 - part / spacing) * (ahead_z - before_z) + part * dt * wz
-        before_x, before_z = ahead_x, ahead_z
-        angle = math.atan2(c.future[k, 2], c.future[k, 3])
-        angle += turns[k - 1] * springs.wrap(facing + rate * dt * spacing * k - angle)
-        _write_sample(into, x, FUTURE + k, px, pz, math.sin(angle), math.cos(angle))
-    for k in range(FUTURE, SAMPLES):
-        for g in range(6):
-            x[into[2] + SAMPLES * g + k] = c.gait[g]
-
-
-@_jit
-def _write_sample(into, x, k, px, pz, dx, dz):
-    x[into[0] + k], x[into[0] + SAMPLES + k] = px, pz
-    x[into[1] + k], x[into[1] + SAMPLES + k] = dx, dz
-
-
-@_jit
-def sample_points(characters, into, x, points):
-    """Write where the inputs' heights are asked for to points [N, 12, 3, 2], the world's x, z."""
-    for i in range(len(characters)):
-        c = characters[i]
-        for k in range(SAMPLES):
-            px, pz = turn(x[i, into[0] + k], x[i, into[0] + SAMPLES + k], c.root[2])
-            dx, dz = turn(x[i, into[1] + k], x[i, into[1] + SAMPLES + k], c.root[2])
-            for side in range(3):  # right, middle, left
-                points[i, k, side, 0] = c.root[0] + px + ASIDE * (side - 1) * dz
-                points[i, k, side, 1] = c.root[1] + pz - ASIDE * (side - 1) * dx
 
 
 @_jit
 def write_heights(characters, heights, into, x):
     """Write the ground's heights [N, 12, 3] to the inputs, over the root's: the mean along the middle."""
     for i in range(len(characters)):
-        mean = 0.0
-        for k in range(SAMPLES):
-            mean += heights[i, k, 1] / SAMPLES
+        mean = mean_height(heights[i])
         characters[i].height = mean
         for k in range(SAMPLES):
             for side in range(3):
@@ -139,59 +48,22 @@ def show(characters, y, out, settings, parents, offsets, stretch, contact_column
     Joints are those put out mixed with the last frame's [N, J, 3] moved on; both are written back. parents
     [J + 1] and offsets [J + 1, 3] are the skeleton's; world_rotations [J, 4] is scratch.
     """
-    s = settings[0]
-    fps = 1 / s.dt
+    s, count = settings[0], joints.shape[1]
     for i in range(len(characters)):
-        c = characters[i]
-        # Where the last frame's root space is in this one's.
-        sx, sz = turn(c.shown[0] - c.root[0], c.shown[1] - c.root[1], -c.root[2])
-        sy, angle = c.shown_height - c.height, c.shown[2] - c.root[2]
-        for j in range(joints.shape[1]):
-            at = 3 * j
-            bx, bz = turn(joints[i, j, 0], joints[i, j, 2], angle)
-            before = (bx + sx, joints[i, j, 1] + sy, bz + sz)
-            for a in range(3):
-                v = y[i, out[7] + at + a]
-                velocities[i, j, a] = v
-                moved, now = before[a] + v * s.dt, y[i, out[6] + at + a]
-                joints[i, j, a] = now + s.joint_smoothing * (moved - now)
-            r = out[8] + at
-            q = exp((2 * y[i, r], 2 * y[i, r + 1], 2 * y[i, r + 2]))
+        c, row = characters[i], y[i]
+        at, rates = row[out[6] : out[6] + 3 * count], row[out[7] : out[7] + 3 * count]
+        move_joints(c, s, at, rates, joints[i], velocities[i])
+        for j in range(count):
+            r = out[8] + 3 * j
+            q = exp((2 * row[r], 2 * row[r + 1], 2 * row[r + 2]))
             for a in range(4):
                 world_rotations[j, a] = q[a]
-        for j in range(1, len(parents)):
-            p, x = parents[j] - 1, (joints[i, j - 1, 0], joints[i, j - 1, 1], joints[i, j - 1, 2])
-            q = _quaternion(world_rotations[j - 1])
-            if p >= 0:
-                back = inv(_quaternion(world_rotations[p]))
-                q = mul(back, q)
-                x = rotate(back, (x[0] - joints[i, p, 0], x[1] - joints[i, p, 1], x[2] - joints[i, p, 2]))
-                if not stretch:
-                    x = (offsets[j, 0], offsets[j, 1], offsets[j, 2])
-            _put(i, j, x, q, fps, positions, rotations, local_velocities, local_angular)
-        half = c.root[2] / 2
-        x, q = (c.root[0], c.height, c.root[1]), (math.cos(half), 0.0, math.sin(half), 0.0)
-        _put(i, 0, x, q, fps, positions, rotations, local_velocities, local_angular)
+        put_pose(
+            i, c, 1 / s.dt, parents, offsets, stretch, joints[i], world_rotations, positions, rotations,
+            local_velocities, local_angular,
+        )  # fmt: skip
         for k in range(len(contact_columns)):
-            contacts[i, k] = y[i, out[3] + contact_columns[k]] > 0.5
-        c.shown[0], c.shown[1], c.shown[2], c.shown_height = c.root[0], c.root[1], c.root[2], c.height
-
-
-@_jit
-def _quaternion(row):
-    return row[0], row[1], row[2], row[3]
-
-
-@_jit
-def _put(i, j, x, q, fps, positions, rotations, velocities, angular):
-    """A joint's transform, and its rates since the one before."""
-    step = log_shortest(mul(q, inv(_quaternion(rotations[i, j]))))
-    for a in range(3):
-        velocities[i, j, a] = (x[a] - positions[i, j, a]) * fps
-        angular[i, j, a] = step[a] * fps
-        positions[i, j, a] = x[a]
-    for a in range(4):
-        rotations[i, j, a] = q[a]
+            contacts[i, k] = row[out[3] + contact_columns[k]] > 0.5
 
 
 @_jit
@@ -203,18 +75,8 @@ def advance(characters, past, head, y, out, settings, obstacles):
     s = settings[0]
     for i in range(len(characters)):
         c, row = characters[i], y[i]
-        frame = past[i, head]
-        frame[0], frame[1] = c.root[0], c.root[1]
-        frame[2], frame[3] = math.sin(c.root[2]), math.cos(c.root[2])
-        for g in range(6):
-            frame[4 + g] = c.gait[g]
-        going = max(1 - c.gait[0], 0.0) ** 0.25
-        vx, vz = turn(row[out[0]], row[out[0] + 1], c.root[2])
-        x, z = c.root[0] + going * vx * s.dt, c.root[1] + going * vz * s.dt
-        x, z = push_out(x, z, obstacles, s.body_radius)
-        c.velocity[0], c.velocity[1] = (x - c.root[0]) / s.dt, (z - c.root[1]) / s.dt
-        c.root[0], c.root[1] = x, z
-        c.root[2] = springs.wrap(c.root[2] + going * row[out[1]] * s.dt)
+        remember(c, past[i, head])
+        going = move_root(c, s, row[out[0]], row[out[0] + 1], row[out[1]], obstacles)
         phase = c.phase + (0.9 * going + 0.1) * row[out[2]] * s.dt
         c.phase = phase - 2 * math.pi * math.floor(phase / (2 * math.pi))
         for k in range(FUTURE):

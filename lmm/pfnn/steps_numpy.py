@@ -4,84 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from features import trajectory as ground_plane
-from mm.kernels_numpy import push_out
-from motion import quat, springs
+from motion import quat
 
-from .layout import ASIDE, FUTURE, GAITS, PRESENT, SAMPLES, SIDES
+from ..locomotion.steps_numpy import move_joints, move_root, plan, put_pose, remember, sample_points
+from ..locomotion.window import FUTURE, SAMPLES, SIDES
 
-PLANE = [0, 2]
-
-
-def plan(characters, past, head, velocity, yaw, turn_rate, crouch, settings, sums, turns, joints, velocities,
-         into, x):  # fmt: skip
-    """See `lmm.pfnn.steps.plan`."""
-    finite = np.isfinite(velocity.sum(axis=1) + yaw + turn_rate)
-    if not finite.all():
-        return int(np.argmin(finite))
-    s, c = settings[0], characters
-    c["target_velocity"] += s["velocity_share"] * (velocity - c["target_velocity"])
-    change = s["facing_share"] * springs.wrap(yaw - c["target_yaw"])
-    c["target_yaw"] = springs.wrap(c["target_yaw"] + change)
-    c["crouch"] += s["crouch_share"] * (crouch - c["crouch"])
-    c["gait"] += s["gait_share"] * (_gait(c, s) - c["gait"])
-
-    root, yaws = c["root"][:, :2], c["root"][:, 2]
-    spacing = past.shape[1] // FUTURE
-    before = past[:, (head + 1 - spacing * np.arange(PRESENT, 0, -1)) % past.shape[1]]
-    way, facing = np.zeros((2, len(c), SAMPLES, 2))
-    gaits = np.repeat(c["gait"][:, None], SAMPLES, axis=1)
-    gaits[:, :PRESENT] = before[:, :, 4:]
-    way[:, :PRESENT] = ground_plane.points_to_local(before[:, :, :2], root, yaws)
-    facing[:, :PRESENT] = ground_plane.directions_to_local(before[:, :, 2:4], yaws)
-    way[:, PRESENT:], facing[:, PRESENT:] = _future(c, turn_rate, s["dt"], spacing, sums, turns)
-    blocks = (*(np.swapaxes(a, 1, 2) for a in (way, facing, gaits)), joints, velocities)
-    for start, block in zip(into, blocks, strict=False):
-        x[:, start : start + block[0].size] = block.reshape(len(c), -1)
-    return -1
-
-
-def _gait(c, s):
-    """The gaits [N, 6] that belong to what is asked."""
-    speed = np.linalg.norm(c["target_velocity"], axis=1)
-    stand = 1 - np.minimum(speed / s["stand_speed"], 1) if s["stand_speed"] > 0 else np.zeros(len(c))
-    jog = np.clip((speed - s["jog_from"]) / (s["jog_to"] - s["jog_from"]), 0, 1)
-    upright = (1 - stand) * (1 - c["crouch"])
-    found = {"stand": stand, "walk": upright * (1 - jog), "jog": upright * jog}
-    found["crouch"] = (1 - stand) * c["crouch"]
-    return np.stack([found.get(name, np.zeros(len(c))) for name in GAITS], axis=1)
-
-
-def _future(c, rate, dt, spacing, sums, turns):
-    """Local positions and directions [N, 6, 2] of the present and the future."""
-    yaws, k = c["root"][:, 2], np.arange(1, FUTURE)
-    turned = rate[:, None] * (dt * spacing) * (k - 0.5)
-    asked = ground_plane.directions_to_world(c["target_velocity"][:, None], -yaws)
-    asked = ground_plane.directions_to_world(asked[:, None].repeat(FUTURE - 1, 1).reshape(-1, 1, 2),
-                                             turned.reshape(-1)).reshape(len(c), FUTURE - 1, 2)  # fmt: skip
-    predicted = c["future"][:, :, :2].copy()
-    predicted[:, 0] = 0
-    steps = (1 - sums / spacing)[:, None] * np.diff(predicted, axis=1) + (sums * dt)[:, None] * asked
-    way = np.zeros((len(c), FUTURE, 2))
-    way[:, 1:] = np.cumsum(steps, axis=1)
-    angles = np.arctan2(c["future"][:, 1:, 2], c["future"][:, 1:, 3])
-    target = springs.wrap(c["target_yaw"] - yaws)[:, None] + rate[:, None] * (dt * spacing) * k
-    angles = angles + turns * springs.wrap(target - angles)
-    angles = np.concatenate([np.zeros((len(c), 1)), angles], axis=1)
-    return way, ground_plane.facing(angles)
-
-
-def sample_points(characters, into, x, points):
-    """See `lmm.pfnn.steps.sample_points`."""
-    root, yaws = characters["root"][:, :2], characters["root"][:, 2]
-    way, facing = (_samples(x, start, 2) for start in into[:2])
-    left = np.stack([facing[..., 1], -facing[..., 0]], axis=-1)
-    for side in range(SIDES):
-        points[:, :, side] = ground_plane.points_to_world(way + ASIDE * (side - 1) * left, root, yaws)
-
-
-def _samples(x, start, components):
-    return np.swapaxes(x[:, start : start + components * SAMPLES].reshape(len(x), components, SAMPLES), 1, 2)
+__all__ = ["advance", "plan", "sample_points", "show", "write_heights"]
 
 
 def write_heights(characters, heights, into, x):
@@ -95,52 +23,18 @@ def show(characters, y, out, settings, parents, offsets, stretch, contact_column
          positions, rotations, local_velocities, local_angular, contacts, world_rotations):  # fmt: skip
     """See `lmm.pfnn.steps.show`; world_rotations is left alone."""
     s, c, count = settings[0], characters, joints.shape[1]
-    fps = 1 / s["dt"]
     now, velocity, turned = (y[:, start : start + 3 * count].reshape(-1, count, 3) for start in out[6:9])
-    before, after = (_frames(c[root], c[height]) for root, height in (("shown", "shown_height"),
-                                                                      ("root", "height")))  # fmt: skip
-    world = quat.rotate(before[1][:, None], joints) + before[0][:, None]
-    moved = quat.rotate(quat.inv(after[1])[:, None], world - after[0][:, None]) + velocity * s["dt"]
-    joints[:] = now + s["joint_smoothing"] * (moved - now)
-    velocities[:] = velocity
-    turned = quat.exp(2 * turned)
-
-    new_positions, new_rotations = positions.copy(), rotations.copy()
-    new_positions[:, 0], new_rotations[:, 0] = after
-    for j in range(1, len(parents)):
-        p = parents[j] - 1
-        new_positions[:, j], new_rotations[:, j] = joints[:, j - 1], turned[:, j - 1]
-        if p >= 0:
-            back = quat.inv(turned[:, p])
-            new_rotations[:, j] = quat.mul(back, turned[:, j - 1])
-            new_positions[:, j] = offsets[j]
-            if stretch:
-                new_positions[:, j] = quat.rotate(back, joints[:, j - 1] - joints[:, p])
-    local_velocities[:] = (new_positions - positions) * fps
-    local_angular[:] = quat.log(quat.shortest(quat.mul(new_rotations, quat.inv(rotations)))) * fps
-    positions[:], rotations[:] = new_positions, new_rotations
+    move_joints(c, s, now, velocity, joints, velocities)
+    put_pose(c, 1 / s["dt"], parents, offsets, stretch, joints, quat.exp(2 * turned), positions, rotations,
+             local_velocities, local_angular)  # fmt: skip
     contacts[:] = y[:, out[3] + contact_columns] > 0.5
-    c["shown"], c["shown_height"] = c["root"], c["height"]
-
-
-def _frames(roots, heights):
-    """Positions [N, 3] and rotations [N, 4] of roots x, z, yaw [N, 3] at heights [N]."""
-    return np.stack([roots[:, 0], heights, roots[:, 1]], axis=-1), quat.from_yaw(roots[:, 2])
 
 
 def advance(characters, past, head, y, out, settings, obstacles):
     """See `lmm.pfnn.steps.advance`."""
     s, c = settings[0], characters
-    yaws = c["root"][:, 2]
-    past[:, head, :2], past[:, head, 2:4] = c["root"][:, :2], ground_plane.facing(yaws)
-    past[:, head, 4:] = c["gait"]
-    going = np.maximum(1 - c["gait"][:, 0], 0) ** 0.25
-    step = ground_plane.directions_to_world(y[:, None, out[0] : out[0] + 2], yaws)[:, 0]
-    new = c["root"][:, :2] + going[:, None] * step * s["dt"]
-    new = push_out(new, obstacles, s["body_radius"])
-    c["velocity"] = (new - c["root"][:, :2]) / s["dt"]
-    c["root"][:, :2] = new
-    c["root"][:, 2] = springs.wrap(yaws + going * y[:, out[1]] * s["dt"])
+    remember(c, past[:, head])
+    going = move_root(c, s, y[:, out[0] : out[0] + 2], y[:, out[1]], obstacles)
     c["phase"] = np.mod(c["phase"] + (0.9 * going + 0.1) * y[:, out[2]] * s["dt"], 2 * np.pi)
     future = y[:, out[4] : out[4] + 4 * FUTURE].reshape(len(y), 4, FUTURE)
     c["future"] = np.swapaxes(future, 1, 2)

@@ -1,0 +1,272 @@
+"""Characters that a network drives by their trajectory: what is asked goes in by it (REFERENCE 4.2).
+
+Each step: take commands in and blend the trajectory; ask the ground for its heights; evaluate the network;
+show the pose; move root and trajectory on; hold the feet.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from features.terrain import Ground, flat
+from mm import settings as mm_settings
+from mm.control import Command
+from mm.description import Description
+from motion import foot_lock, foot_lock_numpy, springs
+from motion.errors import UserError
+from motion.pose import Poses
+
+from . import settings as settings_types
+from . import trajectory
+from .settings import LocomotionSettings
+from .window import SAMPLES, SIDES
+
+STAGES = ("trajectory", "network", "pose", "foot lock")
+SETTLING = 3.0  # seconds in which a character comes to rest out of the mean pose
+ANY_HEIGHT = 1e6  # metres; feet lock as high as they stand where the ground is not flat
+
+
+class LocomotionModel(Protocol):
+    """A network on a description of its data."""
+
+    @property
+    def description(self) -> Description: ...
+
+    @property
+    def contacts(self) -> tuple[str, ...]: ...
+
+    @property
+    def network(self) -> Any: ...
+
+    @property
+    def layout(self) -> Any: ...
+
+
+class LocomotionController:
+    """Drives N characters by commands; implements `mm.control.System`.
+
+    What is a network's own: its evaluator, kernels, what a character remembers, and what becomes of a frame
+    (`_frame`). Its constructor makes these, calls this one, and at last `_start`.
+
+    Parameters
+    ----------
+    model, count, settings, ground, obstacles, compiled, name : see the controllers.
+    network : the evaluator, which tells its `memory`.
+    character : dtype of one character, see `lmm.locomotion.trajectory.character`.
+    past : numbers of a past frame.
+    inputs, outputs : names of the blocks whose beginnings the kernels want, in their order.
+    """
+
+    def __init__(
+        self,
+        model: LocomotionModel,
+        *,
+        network: Any,
+        character: np.dtype,
+        past: int,
+        inputs: tuple[str, ...],
+        outputs: tuple[str, ...],
+        count: int,
+        settings: LocomotionSettings | None,
+        ground: Ground,
+        obstacles: ArrayLike,
+        compiled: bool,
+        name: str,
+    ) -> None:
+        if count < 1:
+            raise UserError(f"{count} characters", remedy="ask for one or more")
+        self.description, self.count, self.network = model.description, count, network
+        self._model = model
+        description, layout = model.description, model.layout
+        self.settings = settings = settings or LocomotionSettings()
+        self.skeleton, self.fps = description.skeleton, description.fps
+        self.name = name
+        self._ground = None if ground is flat else ground
+        self._lock_feet = (foot_lock if compiled else foot_lock_numpy).lock_feet
+        self._settings = settings_types.record(
+            settings, self.fps, walk_mps=description.walk_mps, run_mps=description.run_mps
+        )
+        spacing = trajectory.interval(self.fps)
+        self._blend = trajectory.blend(spacing, settings.position_bias, settings.direction_bias)
+        self._obstacles = np.asarray(obstacles, np.float32).reshape(-1, 5)
+        self._into, self._out = (
+            np.array([blocks[block].start for block in wanted], np.int64)
+            for blocks, wanted in ((layout.inputs, inputs), (layout.outputs, outputs))
+        )
+        self._parents = np.ascontiguousarray(self.skeleton.parents, np.int64)
+        self._offsets = self.skeleton.offsets.astype(np.float32)
+
+        joints, feet = len(self.skeleton), description.contact_roles
+        missing = [role for role in feet if role not in model.contacts]
+        if missing:
+            raise UserError(f"the network tells nothing of the contact {missing[0]!r}")
+        self._contact_columns = np.array([model.contacts.index(role) for role in feet], np.int64)
+        self._legs = description.feet(settings.foot_height) if settings.foot_lock else None
+        self._lock_settings = mm_settings.record(
+            mm_settings.Settings(foot_halflife=settings.foot_halflife, unlock_radius=settings.unlock_radius),
+            self.fps,
+        )
+        if self._legs is not None:
+            self._lock_heights = self._legs.heights.copy()
+            if self._ground is not None:
+                self._lock_heights[:] = -ANY_HEIGHT, ANY_HEIGHT
+
+        self.characters = np.zeros(count, character)
+        self._past = trajectory.ring(count, spacing, past)
+        self._head = 0
+        self._joints = np.zeros((count, joints - 1, 3), np.float32)
+        self._velocities = np.zeros((count, joints - 1, 3), np.float32)
+        self._x = np.zeros((count, layout.input_size), np.float32)
+        self._points = np.zeros((count, SAMPLES, SIDES, 2), np.float32)
+        self._turned = np.zeros((joints - 1, 4), np.float32)
+        self._shown = Poses.empty(count, joints)
+        # What is shown differs from what the network goes on from by the locked legs' rotations.
+        self._rotations = self._shown.rotations.copy()
+        shown = self._shown
+        self._pose = Poses(shown.positions, self._rotations, shown.velocities, shown.angular_velocities)
+        self._contacts = np.zeros((count, len(feet)), np.uint8)
+        self._feet = np.zeros((count, len(feet)), foot_lock.FOOT)
+        self._command = Command.still(count)
+        self.timed = False
+        self._lap_start = 0.0
+        self.stage_seconds = dict.fromkeys(STAGES, 0.0)
+        # What the network is given of its own frame before, by character.
+        self._fed: tuple[NDArray, ...] = (self._joints, self._velocities)
+
+    def _start(self) -> None:
+        """Find out how a character rests, and put all there."""
+        self._rest = self._settle()
+        self.reset(np.zeros((self.count, 2), np.float32), np.zeros(self.count, np.float32))
+
+    def _frame(self, who: slice, command: Command, ground: Ground | None) -> int:
+        """A frame of some characters, up to their feet; the first whose command is not finite, or -1."""
+        raise NotImplementedError
+
+    def reset(self, positions: ArrayLike, yaws: ArrayLike) -> None:
+        """Put the characters at positions [N, 2] (x, z), facing yaws [N], at rest."""
+        self._place(slice(None), positions, yaws)
+        character, fed, pose, contacts = self._rest
+        for name in {"phase", "gait"} & set(character.dtype.names):
+            self.characters[name] = character[name]
+        for array, at_rest in zip(self._fed, fed, strict=True):
+            array[:] = at_rest
+        self._shown[:] = pose
+        self._contacts[:] = contacts
+        self._past[:, :, 4 : trajectory.PAST] = character["gait"]
+        self._stand_on_ground()
+        root, shown = self.characters["root"], self._shown
+        shown.positions[:, 0] = np.stack([root[:, 0], self.characters["height"], root[:, 1]], axis=-1)
+        shown.rotations[:, 0] = 0
+        shown.rotations[:, 0, 0], shown.rotations[:, 0, 2] = np.cos(root[:, 2] / 2), np.sin(root[:, 2] / 2)
+        for rates in (shown.velocities, shown.angular_velocities):
+            rates[:] = 0
+        np.copyto(self._rotations, shown.rotations)
+
+    def _place(self, who: slice, positions: ArrayLike, yaws: ArrayLike) -> None:
+        """Characters without motion, whose trajectory is where they stand."""
+        characters, past = self.characters[who], self._past[who]
+        yaws = springs.wrap(np.broadcast_to(np.asarray(yaws, np.float32), len(characters)))
+        characters[:] = np.zeros((), characters.dtype)
+        characters["root"][:, :2], characters["root"][:, 2] = np.asarray(positions, np.float32), yaws
+        characters["target_yaw"], characters["shown"] = yaws, characters["root"]
+        characters["future"][:, :, 3] = 1
+        past[:] = 0
+        past[:, :, :2] = characters["root"][:, None, :2]
+        past[:, :, 2], past[:, :, 3] = np.sin(yaws)[:, None], np.cos(yaws)[:, None]
+        self._feet[who] = np.zeros((), foot_lock.FOOT)
+        self._feet["target"][who] = np.nan
+
+    def _stand_on_ground(self) -> None:
+        if self._ground is not None:
+            x, z = self.characters["root"][:, 0], self.characters["root"][:, 1]
+            self.characters["height"] = self.characters["shown_height"] = self._ground(x, z)
+
+    def _settle(self) -> tuple[Any, ...]:
+        """A character at rest: what the network makes of its mean pose when it is asked to stand."""
+        one, command = slice(0, 1), Command.still(1)
+        self._place(one, np.zeros((1, 2)), np.zeros(1))
+        stand = np.eye(len(self.characters["gait"][0]))[0]
+        self.characters["gait"][0] = self._past[0, :, 4 : trajectory.PAST] = stand
+        self._begin(self._model.layout.unpack_outputs(self._model.network.output_mean[None]))
+        for _ in range(round(SETTLING * self.fps)):
+            self._frame(one, command, None)
+        fed = tuple(array[0].copy() for array in self._fed)
+        return self.characters[0].copy(), fed, self._shown[one].copy(), self._contacts[0].copy()
+
+    def _begin(self, mean: Any) -> None:
+        """Give the first character the joints of the mean outputs, as if it did not move."""
+        self._joints[0], self._velocities[0] = mean.positions[0], 0
+
+    def step(self, command: Command) -> Poses:
+        """Advance one frame, 1 / fps. Returns the poses [N] shown, valid until the next step."""
+        if command.velocity.shape != (self.count, 2) or command.yaw.shape != (self.count,):
+            raise UserError(
+                f"commands with velocity {command.velocity.shape} and yaw {command.yaw.shape}",
+                remedy=f"give {self.count} characters ({self.count}, 2) and ({self.count},)",
+            )
+        self._lap_start = time.perf_counter()
+        wrong = self._frame(slice(None), command, self._ground)
+        if wrong >= 0:
+            raise UserError(f"the command of character {wrong} is not finite", remedy="give it numbers")
+        self._command = command
+        shown = self._shown
+        np.copyto(self._rotations, shown.rotations)
+        if self._legs is not None:
+            legs = self._legs
+            self._lock_feet(
+                self._feet, self._contacts, self._lock_settings, self._parents, legs.needed, legs.joints,
+                legs.points, legs.hinges, self._lock_heights, shown.positions, self._rotations,
+            )  # fmt: skip
+        self._lap("foot lock")
+        return self._pose
+
+    def _lap(self, stage: str) -> None:
+        """Book the time since the last lap under a stage."""
+        if self.timed:
+            now = time.perf_counter()
+            self.stage_seconds[stage] = now - self._lap_start
+            self._lap_start = now
+
+    def poses(self) -> Poses:
+        """The poses [N] that the last step showed, valid until the next one."""
+        return self._pose
+
+    def planted(self) -> NDArray[np.uint8]:
+        """Which feet the last step held on the ground [N, C]."""
+        return self._feet["locked"].astype(np.uint8)
+
+    def record(self) -> dict[str, NDArray]:
+        """What the last step did; copies with leading axis N. Keys: see `mm.recording`.
+
+        trajectory [N, 12, 3] is what the network was given; gait [N, 6] is that of the frame to come.
+        """
+        c, nothing = self.characters, np.zeros(self.count, np.bool_)
+        return {
+            "command_velocity": self._command.velocity.astype(np.float32),
+            "command_yaw": self._command.yaw.astype(np.float32),
+            "simulation_position": c["shown"][:, :2].copy(),
+            "simulation_velocity": c["velocity"].copy(),
+            "simulation_yaw": c["shown"][:, 2].copy(),
+            "positions": self._shown.positions.copy(),
+            "rotations": self._rotations.copy(),
+            "contacts": self._contacts.copy(),
+            "locked": self._feet["locked"].copy(),
+            "frame": np.full(self.count, -1, np.int32),
+            "searched": nothing,
+            "forced": nothing.copy(),
+            "transition": nothing.copy(),
+            "trajectory": trajectory.world(c["shown"], self._x, int(self._into[0])),
+            "gait": c["gait"].copy(),
+        }
+
+    def memory(self) -> dict[str, int]:
+        """Bytes by part: weights, their padding and statistics, the state of one character."""
+        state = self.characters, self._past, *self._fed, self._x, self._points
+        more = self._contacts, self._feet, self._rotations, *self._shown.arrays().values()
+        return self.network.memory() | {
+            "character": sum(array.nbytes for array in (*state, *more)) // self.count
+        }
