@@ -251,13 +251,14 @@ def stages(
     """
     learned, settings = letters(learned), settings or Settings()
     check_products(products, compiled=compiled)
+    radius = round(settings.ignore_radius * model.description.fps)
     if database is None:
         if learned != LETTERS:
             raise UserError(
                 "stages that are not learned need the database", remedy="give it, or take all three learned"
             )
         return Stages(
-            ProjectorProjection(model, products=products, compiled=compiled),
+            ProjectorProjection(model, ignore_radius=radius, products=products, compiled=compiled),
             StepperStepping(model, products=products, compiled=compiled),
             DecompressorDecompression(model, products=products, compiled=compiled),
         )
@@ -289,7 +290,9 @@ def _mixed(
 
     projection: Projection
     if projects:
-        projection = projector = ProjectorProjection(model, products=products, compiled=compiled)
+        projection = projector = ProjectorProjection(
+            model, ignore_radius=radius, products=products, compiled=compiled
+        )
         if guessed and nearest is not None:
             projection = GuessedFrames(projector, nearest, ignore_radius=radius)
     else:

@@ -21,6 +21,8 @@ from .evaluator import Evaluator, Products
 from .frames import projector_inputs
 from .model import Model
 
+SAME = 0.3  # root mean square of deviations: answers nearer to each other are the same
+
 
 @dataclass(eq=False)
 class LatentState:
@@ -34,6 +36,8 @@ class LatentState:
     near : int32 [N], the frame found by the last lookup plus the steps since; -1 where there was none.
     since : int32 [N], those steps.
     moved : bool [N], whether a lookup has just left the frame that was shown for another one.
+    landed : float32 [N, F + L], what the last projection answered.
+    age : int32 [N], steps since then.
     """
 
     values: NDArray[np.float32]
@@ -42,9 +46,12 @@ class LatentState:
     near: NDArray[np.int32]
     since: NDArray[np.int32] = field(init=False)
     moved: NDArray[np.bool_] = field(init=False)
+    landed: NDArray[np.float32] = field(init=False)
+    age: NDArray[np.int32] = field(init=False)
 
     def __post_init__(self) -> None:
         self.since, self.moved = np.zeros(len(self), np.int32), np.zeros(len(self), np.bool_)
+        self.landed, self.age = self.values.copy(), np.zeros(len(self), np.int32)
 
     @staticmethod
     def of(values: NDArray[np.float32], width: int) -> LatentState:
@@ -77,11 +84,13 @@ class LatentState:
     def take(self, who: NDArray[np.int64]) -> LatentState:
         taken = LatentState(self.values[who], self.width, self.asked[who], self.near[who])
         taken.since, taken.moved = self.since[who], self.moved[who]
+        taken.landed, taken.age = self.landed[who], self.age[who]
         return taken
 
     def put(self, who: NDArray[np.int64], other: LatentState) -> None:
         self.values[who], self.asked[who], self.near[who] = other.values, other.asked, other.near
         self.since[who], self.moved[who] = other.since, other.moved
+        self.landed[who], self.age[who] = other.landed, other.age
 
 
 class ProjectorProjection:
@@ -89,11 +98,24 @@ class ProjectorProjection:
 
     As in motion matching a guess is taken where it is cheaper than playing on; both costs are the schema's,
     in the database's normalised space. Of tags it knows "crouch" alone, and that where its data divides.
+
+    Motion matching leaves out the frames around the one that plays, or a character to whom nothing fits well
+    would go back to the same frame over and over, and stand and glide. A learned state is no frame; for it,
+    that is to be answered what was answered last, less than ignore_radius steps ago.
     """
 
-    def __init__(self, model: Model, *, products: Products = "float32", compiled: bool = True) -> None:
+    def __init__(
+        self,
+        model: Model,
+        *,
+        ignore_radius: int = 0,
+        products: Products = "float32",
+        compiled: bool = True,
+    ) -> None:
         description = model.description
         self.width, self.schema = model.F, description.schema
+        self._radius = ignore_radius
+        self._scale = np.where(model.state_std > 0, 1 / np.where(model.state_std > 0, model.state_std, 1), 0)
         self._crouch = np.uint32(description.crouch_tag)
         self._names = description.tag_names
         self._network = Evaluator(model.projector, products=products, compiled=compiled)
@@ -108,7 +130,15 @@ class ProjectorProjection:
         guessed = LatentState.of(values, self.width)
         guessed.asked = required_tags
         found_costs = normalise.total_costs(self.schema, queries, values[:, : self.width])
-        return guessed, found_costs, found_costs < bound
+        found = found_costs < bound
+        if self._radius:
+            again = (state.age < self._radius) & (self._apart(values, state.landed) < SAME)
+            found &= ~again | np.isinf(bound)
+        return guessed, found_costs, found
+
+    def _apart(self, a: NDArray[np.float32], b: NDArray[np.float32]) -> NDArray[np.floating]:
+        """How far states [M, F + L] lie from others: root mean square over columns, in deviations."""
+        return np.sqrt((((a - b) * self._scale) ** 2).mean(axis=1))
 
     def possible(self, required_tags: int, forbidden_tags: int) -> bool:
         return not (required_tags | forbidden_tags) & ~int(self._crouch) and not (
@@ -157,6 +187,7 @@ class StepperStepping:
 
     def step(self, state: LatentState) -> None:
         self._advance(state.values, self._network.evaluate(state.values), self._fps)
+        state.age += 1
         if self._last is not None:
             state.since += 1
             known = state.near >= 0

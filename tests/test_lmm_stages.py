@@ -44,6 +44,27 @@ def test_a_projector_is_told_whether_to_crouch():
     assert not projection.possible(int(tag), int(tag)) and not projection.possible(2, 0)
 
 
+def test_what_was_answered_a_moment_ago_is_no_answer_again(database, model):
+    """As motion matching leaves out the frames around the one that plays."""
+    projection, stepping = ProjectorProjection(model, ignore_radius=3), StepperStepping(model)
+    queries, tags = database.features[[5, 300]], np.zeros(2, np.uint32)
+    state, never = stepping.start(2), np.full(2, np.inf, np.float32)
+    dear = np.full(2, 1e9, np.float32)
+    state, _, found = projection.project(queries, state, never, tags, tags)
+    assert found.all()
+    for step in range(4):
+        _, _, found = projection.project(queries, state, dear, tags, tags)
+        assert (found == (step >= 3)).all()
+        _, _, found = projection.project(queries, state, never, tags, tags)  # it cannot play on
+        assert found.all()
+        _, _, found = projection.project(queries[::-1].copy(), state, dear, tags, tags)
+        assert found.all()
+        stepping.step(state)
+    forgetful = ProjectorProjection(model)
+    state, _, _ = forgetful.project(queries, stepping.start(2), never, tags, tags)
+    assert forgetful.project(queries, state, dear, tags, tags)[2].all()
+
+
 def test_poses_are_those_of_the_decompressor(model, database):
     values = np.random.default_rng(1).normal(size=(70, model.F + model.L)).astype(np.float32)
     poses, contacts = Poses.empty(70, len(database.skeleton)), np.zeros((70, 2), np.uint8)
@@ -58,7 +79,7 @@ def test_poses_are_those_of_the_decompressor(model, database):
 def test_learned_states_are_taken_and_put_apart():
     values = np.arange(12, dtype=np.float32).reshape(3, 4)
     state = LatentState(values.copy(), 3, np.array([1, 2, 4], np.uint32), np.array([7, 8, 9], np.int32))
-    state.since[:], state.moved[:] = [4, 5, 6], [True, False, False]
+    state.since[:], state.moved[:], state.age[:] = [4, 5, 6], [True, False, False], [1, 2, 3]
     two = state.take(np.array([2, 0]))
     two.values[:] += 100
     two.since[:] += 10
@@ -69,6 +90,8 @@ def test_learned_states_are_taken_and_put_apart():
     np.testing.assert_array_equal(state.tags(), [4, 1, 4])
     np.testing.assert_array_equal(state.near, [9, 7, 9])
     np.testing.assert_array_equal(state.since, [16, 14, 6])
+    np.testing.assert_array_equal(state.age, [3, 1, 3])
+    np.testing.assert_array_equal(state.landed[:, 0], [8, 0, 8])
     np.testing.assert_array_equal(state.jumped(), [1])
     assert len(state) == 3 and (state.frames() == -1).all() and not state.ended().any()
 
