@@ -7,7 +7,7 @@ show the pose; move root and trajectory on; hold the feet.
 from __future__ import annotations
 
 import time
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,35 +15,19 @@ from numpy.typing import ArrayLike, NDArray
 from features.terrain import Ground, flat
 from mm import settings as mm_settings
 from mm.control import Command
-from mm.description import Description
 from motion import foot_lock, foot_lock_numpy, springs
 from motion.errors import UserError
 from motion.pose import Poses
 
 from . import settings as settings_types
 from . import trajectory
+from .model import LocomotionModel
 from .settings import LocomotionSettings
 from .window import SAMPLES, SIDES
 
 STAGES = ("trajectory", "network", "pose", "foot lock")
 SETTLING = 3.0  # seconds in which a character comes to rest out of the mean pose
 ANY_HEIGHT = 1e6  # metres; feet lock as high as they stand where the ground is not flat
-
-
-class LocomotionModel(Protocol):
-    """A network on a description of its data."""
-
-    @property
-    def description(self) -> Description: ...
-
-    @property
-    def contacts(self) -> tuple[str, ...]: ...
-
-    @property
-    def network(self) -> Any: ...
-
-    @property
-    def layout(self) -> Any: ...
 
 
 class LocomotionController:

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from features import trajectory as ground_plane
 from features.labels import Labels
 from mm.database import Database
-from motion import kinematics, quat, springs
+from motion import springs
 
+from ..locomotion.ranges import Range
 from ..locomotion.trajectory import interval
 from ..locomotion.window import FUTURE, PRESENT, SAMPLES, SIDES, around
 from .layout import Inputs, Layout, Outputs
@@ -65,18 +66,8 @@ def _range(
     database: Database, labels: Labels, heights: Array | None, layout: Layout, start: int, stop: int
 ) -> tuple[Array, Array, NDArray[np.int64]]:
     fps, spacing = database.fps, interval(database.fps)
-    poses = database.poses[slice(start, stop)]
-    root, yaw = poses.positions[:, 0][:, [0, 2]].astype(np.float64), quat.yaw(poses.rotations[:, 0])
-    positions, rotations = (np.array(a) for a in (poses.positions, poses.rotations))
-    positions[:, 0], rotations[:, 0] = 0, quat.identity()
-    local, turned = kinematics.forward(database.skeleton, positions, rotations)
-    world, _ = kinematics.forward(
-        database.skeleton, poses.positions.astype(np.float64), poses.rotations.astype(np.float64)
-    )
-    local, turned, world = local[:, 1:], kinematics.unroll(turned)[:, 1:], world[:, 1:]
-    back = quat.inv(quat.from_yaw(yaw.astype(np.float64)))
-    # Velocities lead to the next frame.
-    moving = (quat.rotate(back[:-1, None], np.diff(world, axis=0)) * fps).astype(np.float32)
+    part = Range.of(database, start, stop)
+    root, yaw, local, turned, moving = part.root, part.yaw, part.positions, part.rotations, part.velocities
 
     t = np.arange(1, stop - start - 1)
     path, facing, at = around(root, yaw, t, spacing * np.arange(-PRESENT, FUTURE))

@@ -1,0 +1,101 @@
+"""A trained network with what it was made from, on file."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, Self
+
+from mm.description import Description
+from motion import files
+
+from .network import MixedNetwork, WeightType
+
+
+@dataclass(eq=False, repr=False)
+class LocomotionModel:
+    """A network on a description of its data; all that its controller needs.
+
+    Attributes
+    ----------
+    description : skeleton, rate, feet of the data.
+    network : inputs and outputs as `layout` has them, in metres and seconds.
+    contacts : what the contacts that are put out are of (`features.labels.Labels.names`).
+    held_out, database, ranges, frames, training, errors, fingerprint : as `lmm.model.Model` has them.
+    """
+
+    kind: ClassVar[str]  # of its files
+    version: ClassVar[int]
+    network_type: ClassVar[type[MixedNetwork]]
+
+    description: Description
+    network: Any
+    contacts: tuple[str, ...]
+    held_out: tuple[str, ...] = ()
+    database: str = ""
+    ranges: int = 0
+    frames: int = 0
+    training: dict[str, Any] = field(default_factory=dict)
+    errors: dict[str, Any] = field(default_factory=dict)
+    fingerprint: str = ""
+
+    def __post_init__(self) -> None:
+        self.validate()
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.network!r}, {self.layout.joints} joints)"
+
+    @property
+    def layout(self) -> Any:
+        """What the network takes in and puts out."""
+        raise NotImplementedError
+
+    def as_type(self, weight_type: WeightType) -> Self:
+        """The same model with its weights stored otherwise (`MixedNetwork.as_type`)."""
+        return replace(self, network=self.network.as_type(weight_type), fingerprint="")
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write atomically; sets and stores the fingerprint."""
+        about, arrays = self.description.to_parts()
+        arrays = {f"description.{name}": array for name, array in arrays.items()}
+        arrays |= self.network.to_arrays("network.")
+        metadata = {
+            "description": about,
+            "contacts": list(self.contacts),
+            "held_out": list(self.held_out),
+            "database": self.database,
+            "ranges": self.ranges,
+            "frames": self.frames,
+            "training": self.training,
+            "errors": self.errors,
+        }
+        self.fingerprint = files.save(path, self.kind, self.version, metadata, arrays)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Self:
+        """Read a model. Errors: see `motion.files.load`."""
+        metadata, arrays, fingerprint = files.load(path, cls.kind, cls.version)
+        with files.content_of(path, cls.kind):
+            prefix = "description."
+            of_description = {n.removeprefix(prefix): a for n, a in arrays.items() if n.startswith(prefix)}
+            parts = {n: metadata[n] for n in ("database", "ranges", "frames", "training", "errors")}
+            return cls(
+                description=Description.from_parts(metadata["description"], of_description),
+                network=cls.network_type.from_arrays("network.", arrays),
+                contacts=tuple(metadata["contacts"]),
+                held_out=tuple(metadata["held_out"]),
+                **parts,
+                fingerprint=fingerprint,
+            )
+
+    def validate(self) -> None:
+        """A ValueError unless the network fits the skeleton."""
+        skeleton, sizes = self.description.skeleton, self.network.sizes
+        if skeleton.roles.get("root") != 0:
+            raise ValueError("its skeleton has no ground root as joint 0")
+        expected = self.layout.input_size, self.layout.output_size
+        if (sizes[0], sizes[-1]) != expected:
+            raise ValueError(
+                f"a network of {sizes[0]} inputs and {sizes[-1]} outputs, expected {expected[0]} and "
+                f"{expected[1]} for {self.layout.joints} joints and {self.layout.contacts} contacts"
+            )
