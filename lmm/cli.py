@@ -1,4 +1,4 @@
-"""``python -m lmm``: train the networks of Learned Motion Matching, judge, exchange and run them."""
+"""``python -m lmm``: train networks that drive characters, judge, exchange and run them."""
 
 from __future__ import annotations
 
@@ -14,11 +14,15 @@ from motion.errors import UserError
 from .evaluation.cli import evaluate
 from .exchange_cli import convert, export, import_
 from .run import run
-from .training.settings import PRESETS, RECIPES
+from .training import pfnn_settings, settings
+from .training.pfnn_settings import CONFIGURATIONS, PhaseTraining
+from .training.settings import PRESETS, RECIPES, Settings
 
 if TYPE_CHECKING:
     from .model import Model
-    from .training.settings import Settings
+    from .pfnn.model import PhaseModel
+
+MODELS = ("lmm", "pfnn")
 
 
 @console.group("lmm", "Learned Motion Matching: train networks from a motion database, judge and run them.")
@@ -30,10 +34,24 @@ def main() -> None:
 @click.argument("db", type=click.Path())
 @click.option("-o", "--output", required=True, type=click.Path(), metavar="MODEL", help="Model to write.")
 @click.option(
+    "--model",
+    "what",
+    type=click.Choice(MODELS),
+    default="lmm",
+    show_default=True,
+    help="Learned Motion Matching, or a phase-functioned network.",
+)
+@click.option(
     "--preset", type=click.Choice(PRESETS), default="full", show_default=True, help="How long to train."
 )
 @click.option(
     "--recipe", type=click.Choice(RECIPES), default="ours", show_default=True, help="Ours, or as published."
+)
+@click.option(
+    "--configuration",
+    type=click.Choice(CONFIGURATIONS),
+    help="Of a phase-functioned network: as published, with a layer more, trained twice as long."
+    "  [default: holden]",
 )
 @click.option("--seed", type=click.IntRange(0), help="Of clips held out, weights, batches.  [default: 0]")
 @click.option("--resume", is_flag=True, help="Go on from the checkpoint of a training that was stopped.")
@@ -53,8 +71,10 @@ def main() -> None:
 def train(
     db: str,
     output: str,
+    what: str,
     preset: str,
     recipe: str,
+    configuration: str | None,
     resume: bool,
     config: str | None,
     tensorboard: str | None,
@@ -63,7 +83,8 @@ def train(
 ) -> None:
     """Train a model from a database that `python -m mm build` wrote.
 
-    First the compressor with the decompressor, then the stepper, then the projector. MODEL.jsonl logs losses
+    Of Learned Motion Matching first the compressor with the decompressor, then the stepper, then the
+    projector; a phase-functioned network, which needs motion that walks, in one go. MODEL.jsonl logs losses
     and errors; MODEL.checkpoint is there until the model is written, --resume goes on from it: the same
     command and --resume come to the same model, however often the training was stopped.
 
@@ -75,36 +96,68 @@ def train(
       [stepper]
       batch = 64
       iterations = 20000
+
+    Those of a phase-functioned network stand in [pfnn].
     """
     from motion import files
 
-    from . import summary
-    from .training import checkpoint, log, settings
+    from .training import checkpoint, log
 
-    base = settings.preset(recipe, preset)
-    asked = settings.load(config, base) if config else base
+    asked = _settings(what, recipe, preset, configuration, config)
     asked = replace(asked, **{name: value for name, value in chosen.items() if value is not None})
     inputs = [db, config]
     for path in (output, log.path_of(output), checkpoint.path_of(output)):
         files.check_output(path, inputs=inputs)
     model = _train(db, output, asked, resume=resume, tensorboard=tensorboard)
-    facts = summary.describe(model, output) | {"log": str(log.path_of(output)), "minutes": _minutes(output)}
+    facts = _summary(model).describe(model, output) | {
+        "log": str(log.path_of(output)),
+        "minutes": _minutes(output),
+    }
     if as_json:
         console.print_json(facts)
     else:
+        from .summary import show_errors
+
         size = facts["file_bytes"] / 1e6
         minutes, parameters = facts["minutes"], facts["parameters"]
         print(f"{output}: {parameters:,} parameters, {size:.1f} MB, trained in {minutes:.1f} minutes")
-        summary.show_errors(facts["errors"])
+        show_errors(facts["errors"])
+
+
+def _settings(
+    what: str, recipe: str, preset: str, configuration: str | None, config: str | None
+) -> Settings | PhaseTraining:
+    """What a training is told, but for what stands on the command line."""
+    if what == "pfnn":
+        of_phase = pfnn_settings.preset(recipe, preset, configuration or "holden")
+        return pfnn_settings.load(config, of_phase) if config else of_phase
+    if configuration is not None:
+        raise click.UsageError("--configuration is of phase-functioned networks: give --model pfnn too")
+    base = settings.preset(recipe, preset)
+    return settings.load(config, base) if config else base
 
 
 @console.needs("train", "torch")
-def _train(db: str, output: str, settings: Settings, **options: Any) -> Model:
+def _train(db: str, output: str, asked: Settings | PhaseTraining, **options: Any) -> Model | PhaseModel:
     from mm.database import Database
 
-    from .training.train import train
+    database = Database.load(db)
+    if isinstance(asked, PhaseTraining):
+        from .training import train_pfnn
 
-    return train(Database.load(db), output, settings, **options)
+        return train_pfnn.train(database, output, asked, **options)
+    from .training import train
+
+    return train.train(database, output, asked, **options)
+
+
+def _summary(model: Model | PhaseModel) -> Any:
+    """The module that describes a model."""
+    from . import summary
+    from .model import Model
+    from .pfnn import summary as of_phase
+
+    return summary if isinstance(model, Model) else of_phase
 
 
 def _minutes(output: str) -> float:
@@ -119,14 +172,19 @@ def _minutes(output: str) -> float:
 @console.json_option
 def info(model: str, as_json: bool) -> None:
     """Describe a model."""
-    from . import summary
-    from .model import Model
+    from motion import files
 
-    facts = summary.describe(Model.load(model), model)
+    from . import pretrained
+    from .model import Model
+    from .pfnn import model as phase_model
+
+    phased = files.format_of(pretrained.find(model)) == phase_model.KIND
+    loaded = phase_model.PhaseModel.load(model) if phased else Model.load(model)
+    facts = _summary(loaded).describe(loaded, model)
     if as_json:
         console.print_json(facts)
     else:
-        summary.show(facts)
+        _summary(loaded).show(facts)
 
 
 @main.command(epilog="Example: python -m lmm curves ours.lmm.jsonl reference.lmm.jsonl -o curves.png")

@@ -49,22 +49,13 @@ def describe(model: Model, path: str) -> dict[str, Any]:
 
 def show(facts: dict[str, Any]) -> None:
     """Print it for people."""
-    training = facts["training"].get("settings", {})
-    how = ", ".join(f"{name} {training[name]}" for name in ("recipe", "preset", "seed") if name in training)
     sizes = ", ".join(f"{name} {size / 1e6:.2f}" for name, size in facts["bytes"].items())
-    held_out = facts["held_out"]
     print(
         f"{facts['path']}: {facts['parameters']:,} parameters, {facts['joints']} joints at "
         f"{facts['fps']:g} fps, schema {facts['schema']}, "
         f"{facts['features']} features, {facts['latent']} latents"
     )
-    print(f"fingerprint  {facts['fingerprint']}")
-    print(
-        f"database     {facts['database'] or 'unknown'}, {facts['database_frames']:,} frames "
-        f"in {facts['database_ranges']} ranges"
-    )
-    print(f"held out     {', '.join(held_out) or 'nothing'}")
-    print(f"training     {how or 'unknown'}")
+    show_origin(facts)
     print(f"megabytes    {facts['file_bytes'] / 1e6:.2f} in the file; at run time {sizes}")
     stored = facts["stored_latents_bytes"]
     if stored:
@@ -78,6 +69,20 @@ def show(facts: dict[str, Any]) -> None:
     ]
     console.print_table(rows)
     show_errors(facts["errors"])
+
+
+def show_origin(facts: dict[str, Any]) -> None:
+    """Print what a model was trained from and how."""
+    training = facts["training"].get("settings", {})
+    asked = ("recipe", "preset", "configuration", "seed")
+    how = ", ".join(f"{name} {training[name]}" for name in asked if name in training)
+    print(f"fingerprint  {facts['fingerprint']}")
+    print(
+        f"database     {facts['database'] or 'unknown'}, {facts['database_frames']:,} frames "
+        f"in {facts['database_ranges']} ranges"
+    )
+    print(f"held out     {', '.join(facts['held_out']) or 'nothing'}")
+    print(f"training     {how or 'unknown'}")
 
 
 def show_errors(errors: dict[str, Any]) -> None:

@@ -40,6 +40,7 @@ _DTYPES = {
 }
 _NAMES = {np.dtype(text): name for name, text in _DTYPES.items()}
 _CHUNK = 1 << 22
+_HEADER = 100_000_000  # bytes of a header at most
 _BLANK = "0" * 32
 
 
@@ -245,7 +246,7 @@ def load(
         with open(path, "rb") as stream:
             prefix = stream.read(8)
             length = int.from_bytes(prefix, "little")
-            if size < 8 or length > min(size - 8, 100_000_000):
+            if size < 8 or length > min(size - 8, _HEADER):
                 raise UserError(f"not a {kind} file, or cut short", path=path, remedy=remake)
             raw = stream.read(length)
         data = np.memmap(path, np.uint8, "r", 8 + length) if size > 8 + length else np.zeros(0, np.uint8)
@@ -276,6 +277,21 @@ def load(
         why = f"damaged {kind}: the checksum differs from its content"
         raise UserError(why, path=path, remedy=remake)
     return body, arrays, mark.decode()
+
+
+def format_of(path: str | os.PathLike[str]) -> str | None:
+    """The kind of what `save` wrote at path, by its header alone; None for any other file."""
+    check_input(path)
+    try:
+        with open(path, "rb") as stream:
+            length = int.from_bytes(stream.read(8), "little")
+            raw = stream.read(min(length, _HEADER))
+    except OSError as error:
+        raise _cannot("read", error, path) from error
+    try:
+        return str(json.loads(json.loads(raw)["__metadata__"]["metadata"])["format"])
+    except (ValueError, KeyError, TypeError, RecursionError):
+        return None
 
 
 @contextlib.contextmanager

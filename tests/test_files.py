@@ -324,3 +324,13 @@ def test_a_working_folder_that_is_gone_is_a_clear_error(
     for write in (lambda: files.check_output("out"), lambda: files.save("out", KIND, 1, {}, {})):
         with pytest.raises(UserError, match="cannot write"):
             write()
+
+
+def test_the_kind_of_a_file_is_known_by_its_header(saved: Path, tmp_path: Path) -> None:
+    assert files.format_of(saved) == KIND
+    for content in (b"", b"{}", (10**9).to_bytes(8, "little") + b"x", (2).to_bytes(8, "little") + b"[]"):
+        other = tmp_path / "other"
+        other.write_bytes(content)
+        assert files.format_of(other) is None
+    with pytest.raises(UserError, match="No such file"):
+        files.format_of(tmp_path / "nothing")

@@ -9,12 +9,15 @@ from pathlib import Path
 from typing import Any
 
 import lmm_models
+import pfnn_models
 import pytest
 from click.testing import CliRunner, Result
 
 from lmm import pretrained, summary
 from lmm.cli import main
 from lmm.model import Model
+from lmm.pfnn.model import PhaseModel
+from lmm.training import pfnn_settings
 from lmm.training import settings as training_settings
 from lmm.training.settings import Settings
 from mm.database import Database
@@ -126,6 +129,45 @@ def test_the_settings_in_the_help_are_settings(db: Path, tmp_path: Path, calls: 
     assert _lmm("train", db, "-o", tmp_path / "m", "--config", tmp_path / "own.toml").exit_code == 0
     ((_, settings, _),) = calls
     assert (settings.latent, settings.stepper.batch, settings.stepper.iterations) == (24, 64, 20000)
+
+
+def test_a_phase_functioned_network_is_trained_and_told_of(
+    db: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is asked of its training, by a stand-in, and what is told of what comes of it."""
+    pytest.importorskip("torch", reason="training needs torch: pip install 'motion-matching[train]'")
+    from lmm.training import train_pfnn
+
+    made: list[Any] = []
+
+    def stand_in(database: Database, output: str, settings: Any, **options: Any) -> PhaseModel:
+        made.append((settings, options))
+        found = pfnn_models.model()
+        found.errors = {"pfnn": {"training": {"error_cm": 1.25, "after_30_cm": 3.5}}}
+        found.save(output)
+        Path(f"{output}.jsonl").write_text(json.dumps(LINE) + "\n")
+        return found
+
+    monkeypatch.setattr(train_pfnn, "train", stand_in)
+    out, own = tmp_path / "walk.pfnn", tmp_path / "own.toml"
+    own.write_text("[pfnn]\nbatch = 7\n")
+    asked = ["--model", "pfnn", "--preset", "quick", "--configuration", "holden-xl", "--config", own]
+    result = _lmm("train", db, "-o", out, *asked, "--seed", 2)
+    assert result.exit_code == 0 and "1.25" in result.stdout
+    base = pfnn_settings.preset("ours", "quick", "holden-xl")
+    stage = dataclasses.replace(base.pfnn, batch=7)
+    expected = dataclasses.replace(base, pfnn=stage, seed=2)
+    assert made == [(expected, {"resume": False, "tensorboard": None})]
+
+    shown = _lmm("info", out).stdout
+    facts = json.loads(_lmm("info", out, "--json").stdout)
+    network = PhaseModel.load(out).network
+    for mode, sets in (("cubic", 4), ("linear", 10), ("constant", 50)):
+        assert facts["bytes"][mode] == sets * 4 * network.parameters
+        assert f"{mode} {facts['bytes'][mode] / 1e6:.2f}" in shown
+    assert facts["kind"] == "pfnn" and "-".join(map(str, network.sizes)) in shown and "after 30 cm" in shown
+
+    assert "give --model pfnn too" in _lmm("train", db, "-o", out, "--configuration", "holden").stderr
 
 
 def test_training_that_is_stopped_says_how_to_go_on(

@@ -21,7 +21,7 @@ from .checkpoint import Checkpoint, Errors
 from .machine import facts, machine
 from .optimiser import rate
 from .patience import Stop, patience
-from .settings import Settings
+from .settings import Common
 from .stage import Stage
 from .state import State, array_of, check_finite, put, weights_of
 
@@ -36,7 +36,7 @@ class Outcome:
 
 def run(
     stages: Sequence[Stage],
-    settings: Settings,
+    settings: Common,
     output: str | os.PathLike[str],
     *,
     database: str,
@@ -73,7 +73,7 @@ class _Trainer:
     def __init__(
         self,
         stages: Sequence[Stage],
-        settings: Settings,
+        settings: Common,
         output: Path,
         database: str,
         stop: Stop,

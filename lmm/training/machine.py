@@ -13,7 +13,7 @@ import torch
 
 from motion.errors import UserError
 
-from .settings import Settings
+from .settings import Common
 
 
 def check_memory(needed: int) -> None:
@@ -35,7 +35,7 @@ def memory() -> float:
 
 
 @contextlib.contextmanager
-def machine(settings: Settings) -> Iterator[None]:
+def machine(settings: Common) -> Iterator[None]:
     """Torch as the settings want it, put back after: threads, precision of products, the same every time.
 
     Without the device that is asked for, or where its memory is full: a UserError.
@@ -64,7 +64,7 @@ def machine(settings: Settings) -> Iterator[None]:
         torch.use_deterministic_algorithms(deterministic, warn_only=warned)
 
 
-def facts(settings: Settings) -> dict[str, Any]:
+def facts(settings: Common) -> dict[str, Any]:
     """What a result depends on, to the bit, beside settings and data."""
     found = {"torch": torch.__version__, "processor": torch.backends.cpu.get_cpu_capability()}
     if settings.device == "cuda":

@@ -25,6 +25,8 @@ def rate(settings: StageSettings, iteration: int) -> float:
     """The learning rate of an iteration, counted from 0 (see `StageSettings`)."""
     rising = settings.warm_up * settings.iterations
     warm = min(1.0, (iteration + 1) / max(rising, 1))
+    if settings.schedule == "constant":
+        return settings.learning_rate * warm
     if settings.schedule == "step":
         return settings.learning_rate * warm * 0.99 ** (iteration // 1000)
     share = max(iteration - rising, 0) / max(settings.iterations - rising, 1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal
 
@@ -10,7 +11,7 @@ from motion import config
 from motion.config import ConfigError, choices, shown
 from motion.errors import UserError
 
-Schedule = Literal["step", "cosine"]
+Schedule = Literal["step", "cosine", "constant"]
 Optimiser = Literal["radam", "adamw", "adam"]
 Precision = Literal["float32", "bfloat16"]
 Device = Literal["cpu", "cuda"]
@@ -30,7 +31,8 @@ class StageSettings:
     batch : windows, or queries, a step.
     window : frames of a window.
     learning_rate : at its highest.
-    schedule : "step" takes 1 % off the rate every 1,000 iterations, "cosine" lets it fall to 0 at the end.
+    schedule : "step" takes 1 % off the rate every 1,000 iterations, "cosine" lets it fall to 0 at the end,
+        "constant" keeps it.
     warm_up : share of the iterations in which the rate rises from 0.
     optimiser : "adamw" keeps the largest second moment (amsgrad) and decays weights by 1e-3.
     hidden : widths of the hidden layers.
@@ -63,40 +65,65 @@ class StageSettings:
             ("clip", 0, 1e9),
             ("evaluate", 1, 100_000_000),
         ):
-            _check(name, getattr(self, name), least, most)
+            check_range(name, getattr(self, name), least, most)
         _check_widths("hidden", self.hidden)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings:
-    """How a model is trained.
+class Common:
+    """What every training is told, whatever it trains.
 
     Attributes
     ----------
     recipe, preset : what the settings began as.
     seed : of held-out clips, first weights and batches.
     held_out : share of the frames, in whole clips, that is not trained on; 0 for none.
-    latent : size of the latent.
-    compressor : widths of the compressor's hidden layers; it is trained with the decompressor.
     precision : "bfloat16" multiplies matrices so, where the processor can; the rest stays float32.
     device : where networks are trained.
     threads : of the processor; 0 takes as many as torch does.
     checkpoint_seconds : time between checkpoints, seconds.
-    stepper_noise : how far off half of the stepper's windows begin, at most, in deviations; 0 for none.
-    closed_loop : the projector once more, also with what a crowd asks that the networks themselves drive;
-        None for no such stage. Its hidden layers are the projector's, whatever it says.
     """
 
     recipe: Recipe = "ours"
     preset: Preset = "full"
     seed: int = 0
     held_out: float = 0.1
-    latent: int = 32
-    compressor: tuple[int, ...] = (512, 512, 512)
     precision: Precision = "float32"
     device: Device = "cpu"
     threads: int = 0
     checkpoint_seconds: float = 60.0
+
+    def __post_init__(self) -> None:
+        config.validate(self)
+        for name, least, most in (
+            ("seed", 0, 2**63 - 1),
+            ("held_out", 0, 0.9),
+            ("threads", 0, 1024),
+            ("checkpoint_seconds", 0, 1e6),
+        ):
+            check_range(name, getattr(self, name), least, most)
+
+    @property
+    def longest(self) -> int:
+        """Frames of the longest window that is trained on."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings(Common):
+    """How a model of Learned Motion Matching is trained.
+
+    Attributes
+    ----------
+    latent : size of the latent.
+    compressor : widths of the compressor's hidden layers; it is trained with the decompressor.
+    stepper_noise : how far off half of the stepper's windows begin, at most, in deviations; 0 for none.
+    closed_loop : the projector once more, also with what a crowd asks that the networks themselves drive;
+        None for no such stage. Its hidden layers are the projector's, whatever it says.
+    """
+
+    latent: int = 32
+    compressor: tuple[int, ...] = (512, 512, 512)
     stepper_noise: float = 0.0
     decompressor: StageSettings = field(default_factory=lambda: StageSettings(window=2))
     stepper: StageSettings = field(default_factory=lambda: StageSettings(window=20, hidden=(512,) * 2))
@@ -104,23 +131,21 @@ class Settings:
     closed_loop: StageSettings | None = None
 
     def __post_init__(self) -> None:
-        config.validate(self)
-        for name, least, most in (
-            ("seed", 0, 2**63 - 1),
-            ("held_out", 0, 0.9),
-            ("latent", 1, 4096),
-            ("threads", 0, 1024),
-            ("checkpoint_seconds", 0, 1e6),
-            ("stepper_noise", 0, 10),
-        ):
-            _check(name, getattr(self, name), least, most)
+        super().__post_init__()
+        for name, least, most in (("latent", 1, 4096), ("stepper_noise", 0, 10)):
+            check_range(name, getattr(self, name), least, most)
         _check_widths("compressor", self.compressor)
         for name in ("decompressor", "stepper"):
             if getattr(self, name).window < 2:
                 raise ConfigError((name, "window"), "1 frame has no rate of change", remedy="give at least 2")
 
+    @property
+    def longest(self) -> int:
+        return max(self.decompressor.window, self.stepper.window, self.projector.window)
 
-def _check(name: str, value: float, least: float, most: float) -> None:
+
+def check_range(name: str, value: float, least: float, most: float) -> None:
+    """A ConfigError where a setting is out of range."""
     if not least <= value <= most:
         remedy = f"give a number from {least:g} to {most:g}"
         raise ConfigError(name, f"{shown(value)} is out of range", remedy=remedy)
@@ -136,14 +161,19 @@ def preset(recipe: str = "ours", name: str = "full") -> Settings:
     """The settings of a recipe in a size; an unknown one is a UserError that lists those known.
 
     "reference" is the published recipe to the letter (REFERENCE 3.2), "ours" reaches its quality in less
-    time. "quick" takes less than half an hour on two cores; "full" three times as long where the recipe is ours,
-    to the published end in the reference; "smoke" seconds, to see that all of it runs.
+    time. "quick" takes less than half an hour on two cores; "full" three times as long where the recipe is
+    ours, to the published end in the reference; "smoke" seconds, to see that all of it runs.
     """
     names: dict[str, Any] = {"recipe": recipe, "preset": name}
-    for what, known in (("recipe", RECIPES), ("preset", PRESETS)):
-        if names[what] not in known:
-            raise UserError(f"no {what} {names[what]!r}", remedy=choices(known))
+    check_names(names, {"recipe": RECIPES, "preset": PRESETS})
     return replace((_ours if recipe == "ours" else _reference)(name), **names)
+
+
+def check_names(names: Mapping[str, str], known: Mapping[str, Sequence[str]]) -> None:
+    """A UserError that lists the choices where a name is none of them."""
+    for what, choice in names.items():
+        if choice not in known[what]:
+            raise UserError(f"no {what} {choice!r}", remedy=choices(known[what]))
 
 
 def _reference(name: str) -> Settings:

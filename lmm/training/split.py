@@ -6,16 +6,16 @@ from mm.database import Database
 from motion.errors import UserError
 
 from .randomness import generator
-from .settings import Settings
+from .settings import Common
 
 
-def held_out(database: Database, settings: Settings) -> tuple[str, ...]:
+def held_out(database: Database, settings: Common) -> tuple[str, ...]:
     """Names of whole clips that make about settings.held_out of the frames, by settings.seed; at least one.
 
     A clip's mirrored copy goes with it. Where one part would have no clip that is as long as the longest
     window, a UserError says so.
     """
-    longest = max(settings.decompressor.window, settings.stepper.window, settings.projector.window)
+    longest = settings.longest
     lengths = database.stops - database.starts
     frames = {name: 0 for name in database.names}
     fits = dict.fromkeys(frames, False)
@@ -39,7 +39,7 @@ def held_out(database: Database, settings: Settings) -> tuple[str, ...]:
     return _drawn(frames, able, settings)
 
 
-def _drawn(frames: dict[str, int], able: list[str], settings: Settings) -> tuple[str, ...]:
+def _drawn(frames: dict[str, int], able: list[str], settings: Common) -> tuple[str, ...]:
     """Clips in random order, each taken that brings the share nearer to what is asked for."""
     wanted = settings.held_out * sum(frames.values())
     order = [able[i] for i in generator(settings.seed, "held out").permutation(len(able))]

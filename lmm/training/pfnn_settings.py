@@ -1,0 +1,123 @@
+"""How phase-functioned networks are trained: settings, configurations, and two recipes in three sizes."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
+
+from motion import config
+
+from .settings import PRESETS, RECIPES, Common, Schedule, StageSettings, check_names, check_range
+
+Configuration = Literal["holden", "holden-xl", "holden-xt"]
+CONFIGURATIONS: tuple[Configuration, ...] = ("holden", "holden-xl", "holden-xt")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhaseStageSettings(StageSettings):
+    """How the network is trained; the defaults are the published recipe's (REFERENCE 4.2).
+
+    Attributes
+    ----------
+    window : frames that the network runs on its own output; 1 learns each frame by itself.
+    alone : share of the iterations, the first, in which each frame is learned by itself whatever the window.
+    optimiser : as `StageSettings` has it.
+    keep : share of a layer's inputs that dropout leaves.
+    shrink : weight of the control points' mean square in the loss.
+    noise : how far off inputs are at most, in deviations of their block; each sample by another amount.
+    phase_noise : how far off phases are, radians, as a deviation.
+    """
+
+    iterations: int = 2_500_000
+    learning_rate: float = 1e-4
+    schedule: Schedule = "constant"
+    optimiser: Literal["radam", "adamw", "adam"] = "adam"
+    hidden: tuple[int, ...] = (512, 512)
+    alone: float = 0.0
+    keep: float = 0.7
+    shrink: float = 0.01
+    noise: float = 0.0
+    phase_noise: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name, least, most in (
+            ("alone", 0, 1),
+            ("keep", 0.01, 1),
+            ("shrink", 0, 1e6),
+            ("noise", 0, 10),
+            ("phase_noise", 0, 10),
+        ):
+            check_range(name, getattr(self, name), least, most)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhaseTraining(Common):
+    """How a phase-functioned network is trained.
+
+    Attributes
+    ----------
+    configuration : what the settings began as: "holden", the published network; "holden-xl", with one more
+        hidden layer; "holden-xt", trained twice as long.
+    pfnn : the training of the network.
+    """
+
+    configuration: Configuration = "holden"
+    pfnn: PhaseStageSettings = field(default_factory=PhaseStageSettings)
+
+    @property
+    def longest(self) -> int:
+        return self.pfnn.window + 2  # a range's first and last frame have no vectors
+
+
+def preset(recipe: str = "ours", name: str = "full", configuration: str = "holden") -> PhaseTraining:
+    """The settings of a recipe in a size; an unknown one is a UserError that lists those known.
+
+    "reference" is the published recipe (REFERENCE 4.2): 20 passes over about 4 million samples in batches of
+    32. "quick" takes less than half an hour on two cores, "full" three times as long where the recipe is
+    ours; "smoke" seconds, to see that all of it runs.
+    """
+    names: dict[str, Any] = {"recipe": recipe, "preset": name, "configuration": configuration}
+    known = {"recipe": RECIPES, "preset": PRESETS, "configuration": CONFIGURATIONS}
+    check_names(names, known)
+    settings = (_ours if recipe == "ours" else _reference)(name)
+    stage = settings.pfnn
+    if configuration == "holden-xl":
+        stage = replace(stage, hidden=(*stage.hidden, stage.hidden[-1]))
+    if configuration == "holden-xt":
+        stage = replace(stage, iterations=2 * stage.iterations)
+    return replace(settings, pfnn=stage, **names)
+
+
+def _reference(name: str) -> PhaseTraining:
+    iterations = {"full": 2_500_000, "quick": 60_000, "smoke": 30}[name]
+    return PhaseTraining(pfnn=PhaseStageSettings(iterations=iterations, evaluate=max(iterations // 50, 15)))
+
+
+def _ours(name: str) -> PhaseTraining:
+    """Larger batches at a higher rate that falls to 0, averaged weights, products of bfloat16; inputs that
+    are a little off, and a few frames on the network's own output, so that it finds back into the motion."""
+    iterations = {"full": 24_000, "quick": 8_000, "smoke": 30}[name]
+    stage = PhaseStageSettings(
+        iterations=iterations,
+        batch=128,
+        window=4,
+        learning_rate=1e-3,
+        schedule="cosine",
+        warm_up=0.02,
+        average=0.999,
+        clip=1.0,
+        evaluate=max(iterations // 50, 15),
+        alone=0.6,
+        keep=1.0,
+        shrink=0.0,
+        noise=0.5,
+        phase_noise=0.05,
+    )
+    return PhaseTraining(precision="bfloat16", pfnn=stage)
+
+
+def load(path: str | os.PathLike[str], base: PhaseTraining) -> PhaseTraining:
+    """Settings of a TOML file; what it leaves out is as in base. Faults are UserErrors with file and line."""
+    return config.load(PhaseTraining, path, base=base)
