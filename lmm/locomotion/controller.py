@@ -85,11 +85,12 @@ class LocomotionController:
         self._offsets = self.skeleton.offsets.astype(np.float32)
 
         joints, feet = len(self.skeleton), description.contact_roles
-        missing = [role for role in feet if role not in model.contacts]
+        told = feet if model.contacts else ()
+        missing = [role for role in told if role not in model.contacts]
         if missing:
             raise UserError(f"the network tells nothing of the contact {missing[0]!r}")
-        self._contact_columns = np.array([model.contacts.index(role) for role in feet], np.int64)
-        self._legs = description.feet(settings.foot_height) if settings.foot_lock else None
+        self._contact_columns = np.array([model.contacts.index(role) for role in told], np.int64)
+        self._legs = description.feet(settings.foot_height) if settings.foot_lock and told else None
         self._lock_settings = mm_settings.record(
             mm_settings.Settings(foot_halflife=settings.foot_halflife, unlock_radius=settings.unlock_radius),
             self.fps,

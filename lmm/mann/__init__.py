@@ -1,0 +1,1 @@
+"""Mode-adaptive networks (REFERENCE 5): vectors, weights, torch-free runtime, controller."""
