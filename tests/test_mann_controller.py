@@ -14,9 +14,13 @@ from lmm.locomotion import trajectory
 from lmm.locomotion.settings import LocomotionSettings
 from lmm.mann import steps, steps_numpy
 from lmm.mann.controller import CHARACTER, PAST, STAGES, MannController
+from lmm.mann.frames import frames, labels_of
+from lmm.mann.layout import to_axes
 from lmm.mann.model import MannModel
+from mm import build
 from mm import course as courses
 from mm.control import Command
+from mm.description import Description
 from mm.recording import Recording, record
 from motion import kinematics, quat
 from motion.errors import UserError
@@ -223,9 +227,11 @@ def test_the_root_stands_on_the_ground() -> None:
         np.testing.assert_allclose(high.positions[0, 1:], low.positions[0, 1:], atol=1e-5)
 
 
-def drift(model: MannModel, lock: bool, joint: int) -> tuple[float, MannController]:
+def drift(
+    model: MannModel, lock: bool, joint: int, settings: LocomotionSettings = NO_LOCK
+) -> tuple[float, MannController]:
     """How far a joint moves over 18 frames of a body that glides forward, all contacts on."""
-    controller = MannController(model, settings=LocomotionSettings(foot_lock=lock))
+    controller = MannController(model, settings=replace(settings, foot_lock=lock))
     command, places = Command.still(1), []
     command.velocity[0, 1] = 0.3
     for _ in range(24):
@@ -288,3 +294,25 @@ def test_what_cannot_be_is_said() -> None:
     np.testing.assert_array_equal(controller.characters, before)
     with pytest.raises(UserError, match="nothing of the contact 'left_toe'"):
         MannController(replace(model, contacts=("left_hand", "right_hand")))
+
+
+def test_a_dog_stands_on_four_feet(data: Path) -> None:
+    """REFERENCE 5's gate of 19; all four feet of a body that glides are held."""
+    clip = data / "dog_mann/D1_010_KAN01_004.bvh"
+    database = build.build(clip, schema="quadruped39", mirror=False)
+    found = frames(database, labels_of(database))
+    model = gliding(mann_models.model(spread=1e-4, found=Description.of(database, rigs=False)))
+    assert model.network.gate_sizes[0] == 19
+    layout = model.layout
+    assert found.x.shape[1] == layout.input_size == 156 + 12 * (len(database.skeleton) - 1)
+    assert found.y.shape[1] == layout.output_size
+    pose = layout.unpack_outputs(found.y.mean(axis=0)[None])
+    mean = model.network.output_mean
+    mean[layout.outputs["positions"]] = pose.positions.ravel()
+    mean[layout.outputs["rotations"]] = to_axes(pose.rotations).ravel()
+    joint = database.skeleton.role("right_hand")
+    # The mean of a gallop floats: feet lock at any height.
+    ground = LocomotionSettings(foot_height=float(pose.positions[0, joint - 1, 1]))
+    (held, one), (free, _) = (drift(model, lock, joint, ground) for lock in (True, False))
+    assert one.planted().shape == (1, 4) and one.planted().all()
+    assert held < 0.2 * free
