@@ -143,30 +143,37 @@ def test_kernels_are_their_twins(name: str) -> None:
 
 
 def test_inputs_say_what_is_asked_and_what_was() -> None:
-    """Somebody who was asked to stand, and now walks to +X, facing +Z."""
+    """Somebody who was asked to stand, to walk to +X for a second, and now to +Z."""
     controller = MannController(mann_models.model(), settings=NO_LOCK)
     command = Command.still(1)
     for _ in range(60):
         controller.step(command)
-    command.velocity[0] = 1.5, 0
+    command.velocity[0], arrived = (1.5, 0), []
+    for _ in range(60):
+        controller.step(command)
+        arrived.append(controller.characters["velocity"][0].copy())
+    command.velocity[0] = 0, 0.5
     for _ in range(30):
         before = controller.characters["root"][0].copy(), controller.characters["velocity"][0].copy()
         predicted = controller.characters["future"][0].copy()
         controller.step(command)
     parts = controller.model.layout.unpack_inputs(controller._x)
-    np.testing.assert_allclose(parts.speeds[0], np.where(np.arange(12) < 4, 0, 1.5), atol=1e-3)
+    np.testing.assert_allclose(parts.speeds[0], np.where(np.arange(12) < 4, 1.5, 0.5), atol=1e-3)
     back = quat.from_yaw(-before[0][2])
 
     def local(vector: tuple[float, float]) -> np.ndarray:
         return quat.rotate(back, np.array([vector[0], 0, vector[1]]))[[0, 2]]
 
     np.testing.assert_allclose(parts.going[0, 6], local(tuple(before[1])), atol=1e-4)
-    asked = local((1.5, 0))
+    for k in range(3):  # velocities of 60, 50 and 40 frames before, when it went to +X
+        np.testing.assert_allclose(parts.going[0, k], local(tuple(arrived[28 + 10 * k])), atol=1e-4)
+    asked = local((0, 0.5))
     for k in range(1, 6):
         share = 1 - (1 - k / 6) ** controller.settings.position_bias
         expected = predicted[k, 4:] + share * (asked - predicted[k, 4:])
         np.testing.assert_allclose(parts.going[0, 6 + k], expected, atol=2e-3)
-    assert parts.gaits[0, 6, 0] < 0.1 < 0.9 < parts.gaits[0, 0, 0]
+    np.testing.assert_allclose(parts.gaits[0].sum(axis=-1), 1, atol=1e-5)
+    assert (parts.gaits[0, :, 0] < 0.2).all()
 
 
 def test_reset_puts_everyone_at_rest_and_the_same_commands_do_the_same_again() -> None:
