@@ -14,7 +14,7 @@ def labels_of(database: Database, *, phase: bool = True) -> Labels:
     """Labels of all frames; without phase for motion that has none.
 
     A range without a gait that can be walked (see `features.labels.label`) is a UserError that names its
-    clip, as is a database that says of no contact of its own (`contact_roles`) whether it touches.
+    clip; so is a database of which a contact (`contact_roles`) is not among those labelled.
     """
     found = []
     for name, start, stop in zip(
@@ -31,6 +31,10 @@ def labels_of(database: Database, *, phase: bool = True) -> Labels:
     if any(one.names != names for one in found):
         what = "what touches the ground is not the same in all clips"
         raise UserError(what, remedy="build a database of clips that walk alike")
+    unknown = [role for role in database.contact_roles if role not in names]
+    if unknown:
+        what = f"its contact {unknown[0]!r} is none of {', '.join(names)}"
+        raise UserError(f"a database that cannot be labelled: {what}", remedy="build one of people who walk")
     return Labels(
         names,
         np.concatenate([one.contacts for one in found]),

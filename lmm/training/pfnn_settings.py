@@ -98,7 +98,7 @@ def _reference(name: str) -> PhaseTraining:
 def _ours(name: str) -> PhaseTraining:
     """Larger batches at a higher rate that falls to 0, averaged weights, products of bfloat16; inputs that
     are a little off, and a few frames on the network's own output, so that it finds back into the motion."""
-    iterations = {"full": 24_000, "quick": 8_000, "smoke": 30}[name]
+    iterations = {"full": 60_000, "quick": 20_000, "smoke": 30}[name]
     stage = PhaseStageSettings(
         iterations=iterations,
         batch=128,
