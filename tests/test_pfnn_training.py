@@ -203,7 +203,11 @@ def test_training_learns_more_than_the_mean_and_keeps_clips_apart(database, trai
 def test_the_same_seed_gives_the_same_model_and_goes_on_to_it(
     database, trained, tmp_path, monkeypatch
 ) -> None:
-    assert train(database, tmp_path / "other", settings(seed=1)).fingerprint != trained.fingerprint
+    brief = [
+        train(database, tmp_path / f"seed-{seed}", settings(seed=seed, held_out=0.0, iterations=3))
+        for seed in (0, 1)
+    ]
+    assert not np.array_equal(brief[0].network.weights[0], brief[1].network.weights[0])
     write = Checkpoint.save
 
     def save(self, path):
@@ -217,9 +221,7 @@ def test_the_same_seed_gives_the_same_model_and_goes_on_to_it(
         train(database, tmp_path / "again", often)
     monkeypatch.undo()
     resumed = train(database, tmp_path / "again", settings(), resume=True)
-    assert sorted(path.name for path in tmp_path.iterdir()) == [
-        "again", "again.jsonl", "other", "other.jsonl"
-    ]  # fmt: skip
+    assert {path.name for path in tmp_path.glob("again*")} == {"again", "again.jsonl"}
     for ours, theirs in zip(resumed.network.weights, trained.network.weights, strict=True):
         np.testing.assert_array_equal(ours, theirs)
     assert PhaseModel.load(tmp_path / "again").errors == trained.errors

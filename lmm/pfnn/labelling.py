@@ -25,7 +25,8 @@ def labels_of(database: Database, *, phase: bool = True) -> Labels:
         try:
             found.append(label(database.skeleton, database.fps, *world, phase=phase))
         except UserError as error:
-            remedy = error.remedy or "build a database without this clip"
+            # What helps who labels files, such as to leave the phase out, does not help here.
+            remedy = "build a database without it, of motion on two feet that walk"
             raise UserError(f"clip {name}: {error.what}", path=error.path, remedy=remedy) from error
     names = found[0].names
     if any(one.names != names for one in found):
