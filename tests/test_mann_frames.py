@@ -166,6 +166,9 @@ def test_joints_count_as_much_as_the_trajectory(database: Database, found: Frame
     going = layout.inputs["going"]
     for half in (slice(going.start, going.start + 12), slice(going.start + 12, going.stop)):
         np.testing.assert_allclose(stats["input_std"][half], found.x[:, half].std(axis=0).mean(), rtol=1e-3)
+    less = statistics(found.x, found.y, layout, weights, joint_scale=0.1)
+    ratio = less["input_std"] / stats["input_std"]
+    np.testing.assert_allclose(ratio, np.where(np.arange(len(ratio)) < 156, 1, 10), rtol=1e-5)
     weights[2] = 0
     unseen = statistics(found.x, found.y, layout, weights)["input_std"][layout.inputs["rotations"]]
     assert (unseen.reshape(-1, 6)[2] > 1e6).all() and (unseen.reshape(-1, 6)[3] < 1e3).all()
