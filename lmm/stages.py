@@ -115,7 +115,8 @@ class ProjectorProjection:
         description = model.description
         self.width, self.schema = model.F, description.schema
         self._radius = ignore_radius
-        self._scale = np.where(model.state_std > 0, 1 / np.where(model.state_std > 0, model.state_std, 1), 0)
+        std = model.state_std.astype(np.float64)  # whose squares hold those of states that run away
+        self._scale = np.where(std > 0, 1 / np.where(std > 0, std, 1), 0)
         self._crouch = np.uint32(description.crouch_tag)
         self._names = description.tag_names
         self._network = Evaluator(model.projector, products=products, compiled=compiled)
