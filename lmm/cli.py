@@ -84,9 +84,10 @@ def train(
     """Train a model from a database that `python -m mm build` wrote.
 
     Of Learned Motion Matching first the compressor with the decompressor, then the stepper, then the
-    projector; a phase-functioned network, which needs motion that walks, in one go. MODEL.jsonl logs losses
-    and errors; MODEL.checkpoint is there until the model is written, --resume goes on from it: the same
-    command and --resume come to the same model, however often the training was stopped.
+    projector, and that once more on what the networks themselves ask; a phase-functioned network, which
+    needs motion that walks, in one go. MODEL.jsonl logs losses and errors; MODEL.checkpoint is there until
+    the model is written, --resume goes on from it: the same command and --resume come to the same model,
+    however often the training was stopped.
 
     It takes about 3 kB of memory a frame of 23 joints, on a GPU as much there: 7 GB for ten hours at 60 Hz.
 

@@ -245,7 +245,7 @@ def stages(
     index : a search index's name, or one built on the database; for classical Projection.
     latents : [T, L] of the database; None computes them where they are needed.
     settings : frames that are not searched.
-    products : bfloat16 makes crowds several times cheaper on processors with matrix tiles (see
+    products : bfloat16 makes crowds cheaper on processors with matrix tiles (see `bench crowd` and
         `lmm.evaluator`); one that does not multiply such numbers is a UserError.
     compiled : use the compiled kernels; False takes their NumPy twins, for tests.
     """
