@@ -78,11 +78,11 @@ class Packed:
         width = -(-width // PANEL) * PANEL + LANES
         group = tiles.TALL_TILES if self.paired else TALL
         block = min(kernels.BLOCK, -(-count // group) * group)
-        between = _aligned(np.zeros((2, block, width), np.float32))
+        between = cache_aligned(np.zeros((2, block, width), np.float32))
         return between, np.zeros(deepest * PANEL, np.float32), np.zeros(deepest + 1, np.int32)
 
 
-def _aligned(array: NDArray) -> NDArray:
+def cache_aligned(array: NDArray) -> NDArray:
     """A copy that begins with a cache line: tiles of it are read twice as fast."""
     room = np.empty(array.nbytes + LINE, np.uint8)
     start = -room.ctypes.data % LINE
@@ -117,7 +117,7 @@ def pack(network: Network, products: Products = "float32") -> Packed:
         padded = np.zeros((depth, panels * PANEL), np.float32 if paired else weight.dtype)
         padded[:inputs, :outputs] = weight
         if paired:
-            padded = _pairs(padded)
+            padded = bfloat16_pairs(padded)
         if products == "bfloat16x2":
             padded = np.repeat(padded.reshape(-1, LANES, panels * PANEL), 2, axis=0)
             padded = padded.reshape(-1, panels * PANEL)
@@ -125,7 +125,7 @@ def pack(network: Network, products: Products = "float32") -> Packed:
         layers.append((len(padded), panels, at, sum(map(len, numbers))))
         at += padded.size
         numbers += [np.pad(row, (0, panels * PANEL - outputs)) for row in (scale, bias)]
-    stored = _aligned(np.concatenate(weights))
+    stored = cache_aligned(np.concatenate(weights))
     return Packed(
         stored.view(np.uint16) if stored.dtype == np.float16 else stored,
         np.concatenate(numbers).astype(np.float32),
@@ -137,7 +137,7 @@ def pack(network: Network, products: Products = "float32") -> Packed:
     )
 
 
-def _pairs(weights: NDArray[np.float32]) -> NDArray[np.uint32]:
+def bfloat16_pairs(weights: NDArray[np.float32]) -> NDArray[np.uint32]:
     """Weights [2 I, O] as bfloat16 pairs [I, O]."""
     bits = to_bfloat16(weights).view(np.uint32)
     return bits[0::2] >> np.uint32(16) | bits[1::2]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from motion.errors import UserError
 
 from .. import tiles
-from ..evaluator import Products, _aligned, _pairs, check_products
+from ..evaluator import Products, bfloat16_pairs, cache_aligned, check_products
 from ..lanes import GROUP, LANES, PANEL, TALL
 from ..network import NORMALISATION
 from . import layers as kernels
@@ -54,7 +54,7 @@ def pack(
         stacked = np.zeros((sets, depth, panels * PANEL), np.float32 if paired else weight.dtype)
         stacked[:, :inputs, :outputs], stacked[:, inputs, :outputs] = weight, bias
         if paired:
-            stacked = np.stack([_pairs(one) for one in stacked])
+            stacked = np.stack([bfloat16_pairs(one) for one in stacked])
         step = GROUP * PANEL
         packed += [stacked[..., p : p + step].ravel() for p in range(0, panels * PANEL, step)]
         layers.append((inputs, panels, at, sum(map(len, numbers)), stacked.shape[1]))
@@ -62,7 +62,7 @@ def pack(
         last = layer == len(weights) - 1
         rows = (ends["output_std"], ends["output_mean"]) if last else np.array([[1], [0]]).repeat(outputs, 1)
         numbers += [np.pad(row, (0, panels * PANEL - outputs)) for row in rows]
-    stored = _aligned(np.concatenate(packed))
+    stored = cache_aligned(np.concatenate(packed))
     return Packed(
         stored.view(np.uint16) if stored.dtype == np.float16 else stored,
         np.concatenate(numbers).astype(np.float32),
@@ -113,7 +113,7 @@ class MixedEvaluator:
         width, wide = (-(-n // PANEL) * PANEL + LANES for n in (max(depth, panels * PANEL), used * depth))
         self._scratch = (
             np.zeros((block, width), np.float32),
-            _aligned(np.zeros((block, wide), np.float32)),
+            cache_aligned(np.zeros((block, wide), np.float32)),
             np.zeros(used * depth * PANEL, np.float32),
             np.zeros(used * depth + 1, np.int32),
         )
