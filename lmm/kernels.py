@@ -28,6 +28,8 @@ BLOCK = 96  # rows that go through all layers together, at most: what lies betwe
 # Up to so many rows each goes by itself, past inputs that are 0; more need floats, made of compact weights.
 FEW, FEW_COMPACT = 3, 6
 MANY = 2 * TALL  # from so many rows on, a panel of floats is copied, too, to stand in few cache lines
+LOWEST, SMALL, ONE, TWO = np.float32(-17), np.float32(1 / 64), np.float32(1), np.float32(2)
+SERIES = tuple(np.float32(1 / math.factorial(n)) for n in range(2, 7))  # of exp(y) - 1, from y^2 on
 TINY: Any = np.float32(1e-8)  # shorter columns of a rotation are no direction
 
 
@@ -120,9 +122,26 @@ def _normalise(x, start, rows, numbers, padded, work, width):
 @_jit
 def _elu(work, at, rows, width, count):
     for n in range(rows):
-        for k in range(at + n * width, at + n * width + count):
-            if work[k] <= 0:
-                work[k] = math.expm1(work[k])
+        elu_of(work[at + n * width :], count)
+
+
+@_jit
+def elu_of(row, count):
+    """x where positive, else exp(x) - 1, to a few parts in 10^7; loops over vectors, which expm1 does not.
+
+    With e(y) = exp(y) - 1, e(2 y) = e(y) (e(y) + 2): six times from the series at y = x / 64.
+    """
+    for k in range(count):
+        x = row[k]
+        y = (LOWEST if x < LOWEST else x) * SMALL
+        e = y * (ONE + y * (SERIES[0] + y * (SERIES[1] + y * (SERIES[2] + y * (SERIES[3] + y * SERIES[4])))))
+        e = e * (e + TWO)
+        e = e * (e + TWO)
+        e = e * (e + TWO)
+        e = e * (e + TWO)
+        e = e * (e + TWO)
+        e = e * (e + TWO)
+        row[k] = x if x > 0 else e
 
 
 @_jit

@@ -73,6 +73,17 @@ def test_a_row_gives_the_same_alone_and_among_many(weight_type):
     np.testing.assert_array_equal(evaluator.evaluate(np.ascontiguousarray(x[::-1]))[-1], many[0])
 
 
+def test_the_activation_is_exp_minus_1():
+    x = np.concatenate([-np.logspace(-9, 3, 1000), [0, 3, -np.inf, np.inf]]).astype(np.float32)
+    found = x.copy()
+    kernels.elu_of(found, len(found))
+    with np.errstate(over="ignore"):
+        np.testing.assert_allclose(found, np.where(x > 0, x, np.expm1(x.astype(np.float64))), rtol=1e-6)
+    nan = np.full(3, np.nan, np.float32)
+    kernels.elu_of(nan, 2)
+    assert np.isnan(nan).all()
+
+
 @pytest.mark.parametrize("count", [1, 30])
 def test_what_is_not_finite_is_not_hidden(count):
     network = random_network((6, 40, 5))

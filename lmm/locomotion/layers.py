@@ -7,11 +7,10 @@ the sets' weights and biases on top of each other. Rows of one first set go toge
 
 from __future__ import annotations
 
-import math
-
 import numba
 import numpy as np
 
+from ..kernels import elu_of
 from ..lanes import (
     GROUP,
     PANEL,
@@ -31,8 +30,6 @@ BLOCK = 96  # rows that go through all layers together, at most
 # Up to so many rows each goes by itself, past inputs that are 0: of one set; of several, whose weights do not
 # stay in the cache from row to row; and of half floats, which are made floats for many rows.
 FEW, FEW_BLENDED, FEW_HALVES = 3, 1, 6
-LOWEST, SMALL, ONE, TWO = np.float32(-17), np.float32(1 / 64), np.float32(1), np.float32(2)
-SERIES = tuple(np.float32(1 / math.factorial(n)) for n in range(2, 7))  # of exp(y) - 1, from y^2 on
 MANY = 2 * TALL  # from so many rows on, a panel is copied to stand in few cache lines
 
 
@@ -63,7 +60,7 @@ def evaluate(x, sets, used, layers, weights, numbers, shares, order, ends, work,
                     _many_rows(layers[layer], weights, numbers, sets, used, s, wide, rows, panel, work)
                 if layer < len(layers) - 1:
                     for n in range(rows):
-                        _elu(work[n], outputs)
+                        elu_of(work[n], outputs)
             _put(work, order[begin : begin + rows], y)
             begin += rows
 
@@ -101,7 +98,7 @@ def evaluate_pairs(tiles, x, sets, used, layers, weights, numbers, shares, order
                     )
                 if layer < len(layers) - 1:
                     for n in range(rows):
-                        _elu(work[n], outputs)
+                        elu_of(work[n], outputs)
             _put(work, order[begin : begin + rows], y)
             begin += rows
     if tiles:
@@ -136,25 +133,6 @@ def _widen(row, shares, inputs, depth, wide):
         wide[at + inputs] = part
         for i in range(inputs + 1, depth):
             wide[at + i] = 0
-
-
-@_jit
-def _elu(row, count):
-    """x where positive, else exp(x) - 1, to a few parts in 10^7; loops over vectors, which expm1 does not.
-
-    With e(y) = exp(y) - 1, e(2 y) = e(y) (e(y) + 2): six times from the series at y = x / 64.
-    """
-    for k in range(count):
-        x = row[k]
-        y = (LOWEST if x < LOWEST else x) * SMALL
-        e = y * (ONE + y * (SERIES[0] + y * (SERIES[1] + y * (SERIES[2] + y * (SERIES[3] + y * SERIES[4])))))
-        e = e * (e + TWO)
-        e = e * (e + TWO)
-        e = e * (e + TWO)
-        e = e * (e + TWO)
-        e = e * (e + TWO)
-        e = e * (e + TWO)
-        row[k] = x if x > 0 else e
 
 
 @_jit

@@ -10,11 +10,12 @@ import math
 
 import numba
 
+from ..kernels import elu_of
 from ..locomotion import layers as mixed
 
 _jit = numba.njit(cache=True, nogil=True, error_model="numpy")
 
-_evaluate, _evaluate_pairs, _elu = mixed.evaluate, mixed.evaluate_pairs, mixed._elu
+_evaluate, _evaluate_pairs = mixed.evaluate, mixed.evaluate_pairs
 
 
 @_jit
@@ -33,9 +34,9 @@ def gate(x, numbers, columns, w0, b0, w1, b1, w2, b2, h0, h1, shares):
             value = (x[n, column] - numbers[column]) / numbers[inputs + column]
             for o in range(len(h0)):
                 h0[o] += value * w0[i, o]
-        _elu(h0, len(h0))
+        elu_of(h0, len(h0))
         _dense(h0, w1, b1, h1)
-        _elu(h1, len(h1))
+        elu_of(h1, len(h1))
         share = shares[n]
         _dense(h1, w2, b2, share)
         most, total = share[0], 0.0
