@@ -26,7 +26,7 @@ from .randomness import generator, users
 from .settings import Settings, StageSettings
 
 OWN = 0.5  # share of a batch that the networks' own crowd asked
-MOST = 200_000  # queries of it
+MOST = 300_000  # queries of it
 FAR = 1.0  # ranges that a query may lie beyond those of motion matching's: a poor Stepper may run away
 
 

@@ -191,8 +191,8 @@ def _ours(name: str) -> Settings:
         decompressor=StageSettings(window=2, batch=256, learning_rate=4e-3, iterations=6_000),
         stepper=StageSettings(window=20, hidden=(512,) * 2, batch=128, learning_rate=4e-3, iterations=5_000),
         stepper_noise=0.6,
-        projector=StageSettings(hidden=(512,) * 4, batch=512, learning_rate=3e-3, iterations=16_000),
-        closed_loop=StageSettings(hidden=(512,) * 4, batch=512, learning_rate=2e-3, iterations=9_000),
+        projector=StageSettings(hidden=(512,) * 4, batch=512, learning_rate=3e-3, iterations=24_000),
+        closed_loop=StageSettings(hidden=(512,) * 4, batch=512, learning_rate=2e-3, iterations=24_000),
     )
     for stage in ("decompressor", "stepper", "projector", "closed_loop"):
         one = getattr(settings, stage)
