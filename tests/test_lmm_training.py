@@ -149,16 +149,26 @@ def test_answers_of_the_projector_are_searched_among_what_it_may_know(database):
         assert found == pytest.approx(distances.min(), rel=1e-4, abs=1e-5)
 
 
-def test_the_closed_loop_is_trained_on_what_its_own_networks_ask(database, trained):
-    """Its crowd's queries hold the poses that the networks reached, which no frame of the data has."""
-    held = trained.held_out
-    chosen = settings()
-    data = Data(database, held)
+@pytest.fixture(scope="module")
+def projector(database, trained):
+    chosen, data = settings(), Data(database, trained.held_out)
     first = DecompressorStage(data, chosen)
     first.begin()
-    projector = ProjectorStage(data, chosen, first)
-    stage = ClosedLoopStage(data, chosen, chosen.closed_loop, projector, lambda: trained)
+    return ProjectorStage(data, chosen, first)
+
+
+def closed_loop(projector, model):
+    """The stage as it begins when the networks before it are a model's."""
+    chosen = settings()
+    stage = ClosedLoopStage(projector._data, chosen, chosen.closed_loop, projector, lambda: model)
     stage.begin()
+    return stage
+
+
+def test_the_closed_loop_is_trained_on_what_its_own_networks_ask(database, trained, projector):
+    """Its crowd's queries hold the poses that the networks reached, which no frame of the data has."""
+    held = trained.held_out
+    stage = closed_loop(projector, trained)
     queries, frames = stage._asked
     assert len(queries) > 1000 and (queries.current == -1).all()
     assert not {database.names[r] for r in np.unique(database.ranges()[frames])} & set(held)
@@ -176,6 +186,22 @@ def test_the_closed_loop_is_trained_on_what_its_own_networks_ask(database, train
     sum(stage.loss(0).values()).backward()
     assert projector.projector.layers[0].weight.grad.abs().sum() > 0
     assert torch.equal(before, projector.projector.layers[0].weight)
+
+
+def test_a_crowd_that_runs_away_is_told_of(trained, projector, capsys):
+    """And the closed loop goes on without it."""
+    stage = closed_loop(projector, trained)
+    assert stage.evaluate()["training"]["ran_away"] < 0.5 and capsys.readouterr().err == ""
+    stepper = trained.stepper
+    fast = np.full_like(stepper.biases[-1], 1e6)
+    lost = replace(trained, stepper=replace(stepper, biases=(*stepper.biases[:-1], fast)))
+    stage = closed_loop(projector, lost)
+    told = capsys.readouterr().err
+    assert told.startswith("note: closed_loop: 100% of what the networks' own crowd asked lies far off")
+    assert "nothing of it is trained on" in told and told.count("\n") == 1
+    errors = stage.evaluate()["training"]
+    assert errors["ran_away"] == 1 and "own_error_cm" not in errors
+    assert all(torch.isfinite(term) for term in stage.loss(0).values())
 
 
 def test_half_of_a_steppers_windows_begin_off_the_data(database):

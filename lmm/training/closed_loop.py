@@ -8,10 +8,10 @@ answered, again and again, by a pose in which it stands and glides.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from lmm.controller import controller
@@ -27,6 +27,7 @@ from .settings import Settings, StageSettings
 
 OWN = 0.5  # share of a batch that the networks' own crowd asked
 MOST = 300_000  # queries of it
+MANY_AWAY = 0.5  # share of its queries far off the data, from which on that is told
 FAR = 1.0  # ranges that a query may lie beyond those of motion matching's: a poor Stepper may run away
 
 
@@ -57,11 +58,20 @@ class ClosedLoopStage:
         model = self._model()
         training, judging = users(self._all.seed)
         count = min(max(self.settings.iterations * self.settings.batch // REUSE, FEWEST), MOST)
-        self._asked = self._answered(model, count, training)
-        self._judged = self._answered(model, JUDGED, judging)
+        asked, away = self._listen(model, count, training)
+        if away >= MANY_AWAY:
+            rest = "nothing of it is" if away == 1 else "the rest of it is"
+            told = (
+                f"note: {self.name}: {away:.0%} of what the networks' own crowd asked lies far off the data, "
+                f"where they ran away to; {rest} trained on: look at the stepper, train it longer"
+            )
+            print(told, file=sys.stderr, flush=True)
+        self._asked = self._projector.answered(asked)
+        judged, self._away = self._listen(model, JUDGED, judging)
+        self._judged = self._projector.answered(judged)
 
-    def _answered(self, model: Model, count: int, seed: int) -> tuple[Queries, NDArray[np.int64]]:
-        """What a crowd asks that the networks drive, and the answers; nothing of who ran away."""
+    def _listen(self, model: Model, count: int, seed: int) -> tuple[Queries, float]:
+        """What a crowd asks that the networks drive, without who ran away, and the share of what they ask."""
         characters = min(recorded.MOST_CHARACTERS, -(-count // recorded.EACH))
         crowd = controller(model, count=characters, settings=recorded.SETTINGS)
         seconds = count * recorded.SETTINGS.search_interval
@@ -70,7 +80,8 @@ class ClosedLoopStage:
         usual = self._projector.judged["training"][0].features
         low, high = usual.min(axis=0), usual.max(axis=0)
         beyond = np.maximum(queries.features - high, low - queries.features)
-        return self._projector.answered(anywhere(queries.take((beyond <= FAR * (high - low)).all(axis=1))))
+        near = (beyond <= FAR * (high - low)).all(axis=1)
+        return anywhere(queries.take(near)), float(1 - near.mean())
 
     def loss(self, iteration: int) -> Mapping[str, Tensor]:
         draw = generator(self._all.seed, self.name, iteration)
@@ -84,8 +95,10 @@ class ClosedLoopStage:
         return self._projector.loss_of(inputs, frames)
 
     def evaluate(self) -> Errors:
-        """The Projector's errors, and those on what the networks' crowd asked, as ``own_...``."""
+        """The Projector's errors, and those on what the networks' crowd asked, as ``own_...``, and
+        ``ran_away``, the share of that which is left out, for it lies far off the data."""
         found = {part: dict(errors) for part, errors in self._projector.evaluate().items()}
+        found["training"]["ran_away"] = self._away
         if len(self._judged[0]):
             own = self._projector.errors(*self._judged)
             found["training"] |= {f"own_{name}": value for name, value in own.items()}
