@@ -30,6 +30,7 @@ BRIEF = evaluate.Plan(
     seconds=2.0,
     mixed=("circle",),
     mixed_seconds=1.0,
+    each=2,
     minutes=0.02,
     characters=2,
 )

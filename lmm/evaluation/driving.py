@@ -47,11 +47,12 @@ class Judge:
 
     def judge(self, system: Controller, course: Course) -> dict[str, Any]:
         """A row: the metrics of `mm.quality.judge`, real_cm, the mean distance to the nearest real pose
-        (`mm.nearness`), and frame_us, the median time of a step.
+        (`mm.nearness`), and frame_us, the median time of a step, by character. Where the course allows,
+        the system's characters begin at other places or times, so that no two do the same.
 
         A system whose poses are no numbers any more has no metrics, and the row says that it broke.
         """
-        clock = Clock(course, system.count, system.fps)
+        clock = Clock(course, system.count, system.fps, spread=True)
         seconds = min(self._seconds, natural_seconds(course))
         named: dict[str, Any] = {"system": system.name, "course": course.name}
         try:
@@ -67,7 +68,7 @@ class Judge:
             "seconds": len(tape) / system.fps,
             **row,
             "real_cm": self._real.of_run(tape),
-            "frame_us": float(1e6 * np.median(tape.step_seconds)),
+            "frame_us": float(1e6 * np.median(tape.step_seconds) / system.count),
         }
 
 
@@ -76,10 +77,11 @@ def systems(
     database: Database,
     learned: Iterable[str],
     *,
+    count: int = 1,
     latents: Array | None = None,
     locked: bool = True,
 ) -> Iterator[Controller]:
-    """One character driven by each mixture of stages: "PSD" is the model, "" motion matching, mm.
+    """Characters driven by each mixture of stages: "PSD" is the model, "" motion matching, mm.
 
     Feet are held where that is asked for and the skeleton has whole legs; else names end in -free.
     """
@@ -89,6 +91,7 @@ def systems(
         name = (f"lmm-{letters}" if letters else "mm") + ("" if settings.foot_lock else "-free")
         yield controller(
             model,
+            count=count,
             learned=letters,
             database=database,
             index=index,

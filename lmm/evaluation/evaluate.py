@@ -34,6 +34,7 @@ class Plan:
     queries : asked of the projector, of each kind.
     courses, mixed : names of courses for the model and motion matching, and for all mixtures of stages.
     seconds, mixed_seconds : of each course, at most.
+    each : characters on a course; one alone may be lucky.
     minutes, characters : of the long run.
     """
 
@@ -43,6 +44,7 @@ class Plan:
     seconds: float = SECONDS
     mixed: tuple[str, ...] = driving.MIXED
     mixed_seconds: float = 20.0
+    each: int = 8
     minutes: float = 10.0
     characters: int = 16
 
@@ -54,6 +56,7 @@ QUICK = Plan(
     seconds=10.0,
     mixed=("circle", "random"),
     mixed_seconds=5.0,
+    each=2,
     minutes=1.0,
     characters=8,
 )
@@ -131,14 +134,16 @@ def _driven(
     jobs = [
         (system, course)
         for locked in ((True, False) if model.description.legs is not None else (False,))
-        for system in driving.systems(model, database, ("", "PSD"), latents=latents, locked=locked)
+        for system in driving.systems(
+            model, database, ("", "PSD"), count=plan.each, latents=latents, locked=locked
+        )
         for course in judge.courses
     ]
     rows = [judge.judge(*job) for job in progress(jobs, label="courses", unit="runs")]
     judge.take(plan.mixed, seconds=plan.mixed_seconds)
     mixtures = []
     for system in progress(
-        driving.systems(model, database, COMBINATIONS, latents=latents),
+        driving.systems(model, database, COMBINATIONS, count=plan.each, latents=latents),
         label="mixtures",
         total=len(COMBINATIONS),
         unit="systems",

@@ -24,7 +24,7 @@ COLUMNS = (
     ("real_cm", "from real cm", 2),
     ("transitions_per_s", "trans/s", 2),
     ("speed_ratio", "speed ratio", 2),
-    ("frame_us", "frame µs", 0),
+    ("frame_us", "µs a character", 1),
     ("memory_mb", "memory MB", 2),
     ("broke", "broke", 0),
 )
