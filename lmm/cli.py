@@ -13,7 +13,7 @@ from motion.errors import UserError
 
 from .evaluation.cli import evaluate
 from .exchange_cli import convert, export, import_
-from .run import run
+from .run import run, settings_
 from .training import pfnn_settings, settings
 from .training.pfnn_settings import CONFIGURATIONS, PhaseTraining
 from .training.settings import PRESETS, RECIPES, Settings
@@ -102,6 +102,7 @@ def train(
     """
     from motion import files
 
+    from . import models
     from .training import checkpoint, log
 
     asked = _settings(what, recipe, preset, configuration, config)
@@ -110,7 +111,7 @@ def train(
     for path in (output, log.path_of(output), checkpoint.path_of(output)):
         files.check_output(path, inputs=inputs)
     model = _train(db, output, asked, resume=resume, tensorboard=tensorboard)
-    facts = _summary(model).describe(model, output) | {
+    facts = models.describe(model, output) | {
         "log": str(log.path_of(output)),
         "minutes": _minutes(output),
     }
@@ -152,15 +153,6 @@ def _train(db: str, output: str, asked: Settings | PhaseTraining, **options: Any
     return train.train(database, output, asked, **options)
 
 
-def _summary(model: Model | PhaseModel) -> Any:
-    """The module that describes a model."""
-    from . import summary
-    from .model import Model
-    from .pfnn import summary as of_phase
-
-    return summary if isinstance(model, Model) else of_phase
-
-
 def _minutes(output: str) -> float:
     """Of training, as the log has it."""
     from .training import log
@@ -173,19 +165,14 @@ def _minutes(output: str) -> float:
 @console.json_option
 def info(model: str, as_json: bool) -> None:
     """Describe a model."""
-    from motion import files
+    from . import models
 
-    from . import pretrained
-    from .model import Model
-    from .pfnn import model as phase_model
-
-    phased = files.format_of(pretrained.find(model)) == phase_model.KIND
-    loaded = phase_model.PhaseModel.load(model) if phased else Model.load(model)
-    facts = _summary(loaded).describe(loaded, model)
+    loaded = models.load(model)
+    facts = models.describe(loaded, model)
     if as_json:
         console.print_json(facts)
     else:
-        _summary(loaded).show(facts)
+        models.show(facts, loaded)
 
 
 @main.command(epilog="Example: python -m lmm curves ours.lmm.jsonl reference.lmm.jsonl -o curves.png")
@@ -215,3 +202,4 @@ main.add_command(export)
 main.add_command(import_)
 main.add_command(convert)
 main.add_command(run)
+main.add_command(settings_)

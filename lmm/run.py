@@ -1,4 +1,4 @@
-"""``python -m lmm run``: drive characters by networks, or by a mixture of networks and data."""
+"""``python -m lmm run`` and ``settings``: drive characters by networks, or by networks and data."""
 
 from __future__ import annotations
 
@@ -14,52 +14,111 @@ from motion.errors import UserError
 if TYPE_CHECKING:
     from mm.description import Description
 
+    from .locomotion.model import LocomotionModel
+    from .model import Model
+
+MODES = ("cubic", "linear", "constant")
+WEIGHTS = ("float32", "float16", "int8", "bfloat16")
+
 
 @click.command(epilog="Example: python -m lmm run walk.lmm --course thesis -o lap.bvh")
 @click.argument("model", type=click.Path())
 @runs.options
 @click.option(
     "--learned",
-    default="PSD",
-    show_default=True,
     metavar="LETTERS",
-    help="Stages that networks do: P projection, S stepping, D decompression.",
+    help="Stages that networks do: P projection, S stepping, D decompression.  [default: PSD]",
 )
 @click.option("--db", type=click.Path(), metavar="DB", help="The model's database, which the others need.")
 @click.option("--index", help="Search index, where projection is not learned.  [default: exact]")
-def run(model: str, learned: str, db: str | None, index: str | None, **options: Any) -> None:
-    """Drive characters over a course by learned motion matching.
+@click.option(
+    "--mode",
+    type=click.Choice(MODES),
+    help="How a phase-functioned network's weights are made of the phase.  [default: cubic]",
+)
+@click.option(
+    "--weights",
+    type=click.Choice(WEIGHTS),
+    help="What weights are held as; bfloat16 is multiplied as such.  [default: as stored]",
+)
+def run(
+    model: str,
+    learned: str | None,
+    db: str | None,
+    index: str | None,
+    mode: str | None,
+    weights: str | None,
+    **options: Any,
+) -> None:
+    """Drive characters over a course by learned motion matching, or by a network of locomotion.
 
     MODEL is a model that `train` wrote. Alone it is all that is needed. With --db, which is the database that
-    it was trained from, any of the three stages may be those of motion matching: --learned D searches the
-    database and plays its frames, and the network turns them into poses.
+    it was trained from, any of the three stages of learned motion matching may be those of motion matching:
+    --learned D searches the database and plays its frames, and the network turns them into poses.
+
+    Phase-functioned and mode-adaptive networks have no such stages; their --settings are those that
+    `python -m lmm settings` prints. With --heights a phase-functioned network that was trained on uneven
+    ground is told of the ground ahead; all others are put on it.
 
     The other options, and course files, are those of `python -m mm run`.
     """
-
-    def load() -> runs.Driven:
-        from mm.database import Database
-
-        from .controller import controller
-        from .model import Model
-
-        database = None if db is None else Database.load(db)
-        loaded = Model.load(model)
-        if database is not None:
-            loaded.check(database, path=model)
-        if "P" in asked:
-            _check_tags(loaded.description, (*options["require_tag"], *options["forbid_tag"]))
-        make = partial(controller, loaded, learned=asked, database=database, index=index or "exact")
-        return runs.Driven(loaded.description, make)
-
+    from . import models
     from .mixtures import LETTERS, letters
 
-    asked = letters(learned)
+    def load() -> runs.Driven:
+        loaded, products = models.with_weights(models.load(model), weights)
+        if isinstance(loaded, models.LocomotionModel):
+            return _network(loaded, mode, products)
+        return _stages(loaded, model, asked, db, index, products, options)
+
+    asked, kind = LETTERS if learned is None else letters(learned), models.kind_of(model)
+    of_stages = {"--learned": learned, "--db": db, "--index": index}
+    for foreign, of in ((of_stages, "lmm"), ({"--mode": mode}, "pfnn")):
+        given = [flag for flag, value in foreign.items() if value is not None]
+        if given and kind != of:
+            what = f"{given[0]} is for {models.TITLES[of]}, and this is a model of {models.TITLES[kind]}"
+            raise UserError(what, path=model, remedy="leave it out")
     if asked != LETTERS and db is None:
         raise click.UsageError("stages that are not learned need the model's database: give --db DB too")
     if index is not None and "P" in asked:
         raise click.UsageError("--index is for searches: leave P out of --learned")
     runs.perform(load, {"model": model, "database": db}, **options)
+
+
+def _stages(
+    model: Model,
+    path: str,
+    learned: str,
+    db: str | None,
+    index: str | None,
+    products: Any,
+    options: dict[str, Any],
+) -> runs.Driven:
+    """Stages, those of letters learned by networks."""
+    from mm.database import Database
+    from mm.settings import Settings
+
+    from .controller import controller
+
+    database = None if db is None else Database.load(db)
+    if database is not None:
+        model.check(database, path=path)
+    if "P" in learned:
+        _check_tags(model.description, (*options["require_tag"], *options["forbid_tag"]))
+    make = partial(
+        controller, model, learned=learned, database=database, index=index or "exact", products=products
+    )
+    return runs.Driven(model.description, make, Settings)
+
+
+def _network(model: LocomotionModel, mode: str | None, products: Any) -> runs.Driven:
+    """A network that makes locomotion of a trajectory."""
+    from . import models
+    from .locomotion.settings import LocomotionSettings
+
+    ways = models.controllers(model)
+    make = partial(ways[mode] if mode else next(iter(ways.values())), products=products)
+    return runs.Driven(model.description, make, LocomotionSettings, sees_ground=model.sees_ground)
 
 
 def _check_tags(description: Description, names: Iterable[str]) -> None:
@@ -70,3 +129,16 @@ def _check_tags(description: Description, names: Iterable[str]) -> None:
                 f"the projector knows nothing of the tag {name!r}",
                 remedy="search the database for it: --learned SD --db DB",
             )
+
+
+@click.command("settings", epilog="Example: python -m lmm settings -o mine.toml")
+@click.option("-o", "--output", type=click.Path(), metavar="FILE", help="Write them there.")
+def settings_(output: str | None) -> None:
+    """Settings of phase-functioned and mode-adaptive networks as TOML: their defaults, what they mean.
+
+    An edited copy goes to `run --settings`; it need not name all of them. Those of learned motion matching
+    are motion matching's: `python -m mm settings`.
+    """
+    from .locomotion.settings import LocomotionSettings
+
+    runs.show_settings(LocomotionSettings(), output)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motion.pose import Poses
 from motion.skeleton import Skeleton
+
+if TYPE_CHECKING:
+    from .description import Description
 
 
 @dataclass(eq=False)
@@ -74,4 +77,33 @@ class System(Protocol):
 
     def memory(self) -> dict[str, int]:
         """Bytes by part."""
+        ...
+
+
+class Described(System, Protocol):
+    """A system that knows its data's description and its feet, so that it drives rigs, and on grounds.
+
+    settings are those of its kind; they say how feet are held (`mm.settings.Settings`'s of that name).
+    `stage_seconds` holds the time of the last step by stage when `timed` is set.
+    """
+
+    description: Description
+    settings: Any
+    timed: bool
+    stage_seconds: dict[str, float]
+
+    def check_tags(self, required: int, forbidden: int) -> None:
+        """A UserError unless characters can be asked for tags required without those forbidden (bits)."""
+        ...
+
+    def poses(self) -> Poses:
+        """The poses [N] that the last step showed, valid until the next one."""
+        ...
+
+    def contacts(self) -> NDArray[np.uint8]:
+        """Which feet touch the ground by what is played [N, C]; valid until the next step."""
+        ...
+
+    def planted(self) -> NDArray[np.uint8]:
+        """Which feet the last step held on the ground [N, C]; valid until the next one."""
         ...

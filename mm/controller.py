@@ -347,6 +347,19 @@ class Controller:
         """The poses [N] that the last step showed, valid until the next one."""
         return self._pose
 
+    def check_tags(self, required: int, forbidden: int) -> None:
+        """A UserError unless something can be played that bears tags required, none of those forbidden."""
+        if self.stages.projection.possible(required, forbidden):
+            return
+        tags = self.description.tags_of
+        wanted = [f"with {', '.join(tags(required))}"] * bool(required)
+        wanted += [f"without {', '.join(tags(forbidden))}"] * bool(forbidden)
+        raise UserError(f"no frame {' and '.join(wanted)}", remedy="require or forbid fewer tags")
+
+    def contacts(self) -> NDArray[np.uint8]:
+        """Which feet touch the ground by what is played [N, C]; valid until the next step."""
+        return self._contacts
+
     def planted(self) -> NDArray[np.uint8]:
         """Which feet the last step held on the ground [N, C]; valid until the next one."""
         np.copyto(self._planted, self._feet["locked"], casting="unsafe")
@@ -378,13 +391,21 @@ class Controller:
         }
 
     def memory(self) -> dict[str, int]:
-        """Bytes by part: what the stages hold, and the state of one character."""
-        state = (self.characters, self._feet, self._offsets, self._contacts, self._trajectory, self._history)
-        poses = (*self._playing.arrays().values(), *self._shown.arrays().values(), self._rotations)
+        """Bytes by part: what the stages hold, statistics of features, and all that is held of one character
+        from frame to frame, its state."""
+        held = (
+            self.characters, self._required, self._forbidden, self._feet, self._offsets, self._contacts,
+            self._planted, self._trajectory, self._history, self._queries, self._played, self._candidates,
+            self._cost_current, self._cost_candidate, self._moved,
+            *self._playing.arrays().values(), *self._shown.arrays().values(), self._rotations, self.state,
+        )  # fmt: skip
         parts: dict[str, int] = {}
         for stage in (self.stages.projection, self.stages.stepping, self.stages.decompression):
             parts |= stage.memory()
-        return parts | {"character": sum(array.nbytes for array in (*state, *poses)) // self.count}
+        return parts | {
+            "statistics": sum(array.nbytes for array in self._normalisation),
+            "state": sum(one.nbytes for one in held) // self.count,
+        }
 
 
 def build_index(database: Database, name: str, settings: Settings, **options: Any) -> search.Index:

@@ -92,6 +92,10 @@ class Description:
         """Bit mask of tag names; an unknown one is a UserError that lists those known."""
         return tag_mask(self.tag_names, names)
 
+    def tags_of(self, mask: int) -> list[str]:
+        """Names of the tags in a bit mask."""
+        return [name for bit, name in enumerate(self.tag_names) if mask >> bit & 1]
+
     def to_parts(self) -> tuple[dict[str, Any], dict[str, NDArray]]:
         """JSON-able metadata and named arrays, for the files that hold a description; see `from_parts`."""
         metadata: dict[str, Any] = {

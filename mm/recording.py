@@ -43,7 +43,8 @@ class Recording:
     stages : names of the S stages that were timed, none when the system was not timed.
     stage_seconds : float64 [T, S], time of each stage in that step.
 
-    Every recording has the poses and the commands; motion matching gives all of these:
+    Every recording has the poses and the commands; motion matching gives all of these, other systems those
+    that they have a meaning for:
 
         command_velocity [T, N, 2] m/s, command_yaw [T, N]
         simulation_position [T, N, 2], simulation_velocity [T, N, 2], simulation_yaw [T, N]

@@ -12,8 +12,7 @@ from motion.clip import Clip
 from motion.pose import Poses
 from motion.retargeter import Retargeter
 
-from .control import Command
-from .controller import Controller
+from .control import Command, Described
 from .description import anatomy_of
 from .recording import Recording
 
@@ -31,7 +30,7 @@ class Rigged:
     a recording holds them as rig_positions and rig_rotations.
     """
 
-    def __init__(self, controller: Controller, target: Anatomy, *, compiled: bool = True) -> None:
+    def __init__(self, controller: Described, target: Anatomy, *, compiled: bool = True) -> None:
         self.controller = controller
         self.name, self.skeleton = controller.name, controller.skeleton
         self.fps, self.count = controller.fps, controller.count
@@ -88,10 +87,11 @@ class Rigged:
         return shown.clip(character)
 
 
-def _own(controller: Controller) -> Anatomy:
+def _own(controller: Described) -> Anatomy:
     """The anatomy of a controller's skeleton, from what is known of its data."""
     if controller.description.anatomy is not None:
         return controller.description.anatomy
-    if controller.database is not None:
-        return anatomy_of(controller.database)
+    database = getattr(controller, "database", None)
+    if database is not None:
+        return anatomy_of(database)
     return anatomy(controller.skeleton)

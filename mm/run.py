@@ -25,7 +25,7 @@ def run(db: str, index: str, **options: Any) -> None:
 
     DB is a database that `build` wrote. The course's speeds are scaled to those of the data. With --rig each
     character poses a rig of other joints and lengths at run time, by the roles of its joints; the world is
-    as much larger for it as its legs are longer.
+    as much larger for it as its legs are longer. With --heights feet are put on uneven ground.
 
     \b
     A course file (`courses NAME -o FILE` writes a ready-made one to edit):
@@ -38,10 +38,11 @@ def run(db: str, index: str, **options: Any) -> None:
         from .controller import Controller
         from .database import Database
         from .description import Description
+        from .settings import Settings
 
         database = Database.load(db)
         description = Description.of(database, rigs=False)
-        return runs.Driven(description, partial(Controller, database, index=index))
+        return runs.Driven(description, partial(Controller, database, index=index), Settings)
 
     runs.perform(load, {"database": db}, **options)
 
@@ -86,7 +87,7 @@ def courses(
     if plot:
         draw(chosen[0], plot)
     if output:  # a file's name is its course's
-        _write(output, templates.compact(replace(chosen[0], name="")))
+        runs.write_text(output, templates.compact(replace(chosen[0], name="")))
     if as_json:
         console.print_json(rows if not name else {**rows[0], "course": chosen[0].to_dict()})
     else:
@@ -100,23 +101,9 @@ def settings(output: str | None) -> None:
 
     An edited copy goes to `run --settings`; it need not name all of them.
     """
-    from motion import templates
-
     from .settings import Settings
 
-    text = templates.explained(Settings())
-    if output is None:
-        click.echo(text, nl=False)
-    else:
-        runs.check_outputs((output,), (), None)
-        _write(output, text)
-
-
-def _write(path: str, text: str) -> None:
-    from motion import files
-
-    with files.atomic(path, "w") as stream:
-        stream.write(text)
+    runs.show_settings(Settings(), output)
 
 
 def _describe(course: Course) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from motion.options import AXIS, FORWARD, HAND, ROLES, Length, about, model, rig
 if TYPE_CHECKING:
     from motion.anatomy import Anatomy
 
-    from .controller import Controller
+    from .control import Described
     from .course import Course
     from .description import Description
     from .recording import Recording
@@ -79,6 +79,12 @@ _OPTIONS = (
         "--forbid-tag", multiple=True, metavar="NAME", help="Play none with this tag.  [repeatable]"
     ),
     click.option(
+        "--heights",
+        type=click.Path(),
+        metavar="FILE",
+        help="Walk on this heightmap (`python -m features heightmap`), its middle at 0, 0.",
+    ),
+    click.option(
         "--rig",
         type=click.Path(),
         metavar="FILE",
@@ -99,10 +105,16 @@ _OPTIONS = (
 
 
 class Driven(NamedTuple):
-    """What drives: the description of its data, and what makes a controller of count, settings, obstacles."""
+    """What drives characters.
+
+    controller makes it of count, settings (an object of the class of that name) and obstacles; of a ground
+    too, where it sees grounds. Who does not is put on a ground afterwards (`mm.grounded`).
+    """
 
     description: Description
-    controller: Callable[..., Controller]
+    controller: Callable[..., Described]
+    settings: type
+    sees_ground: bool = False
 
 
 def options(command: Callable) -> Callable:
@@ -119,6 +131,7 @@ def perform(
     output: str | None,
     tape: str | None,
     character: int,
+    heights: str | None,
     rig: str | None,
     rig_file: dict[str, Any],
     roles: str | None,
@@ -140,9 +153,11 @@ def perform(
         raise click.UsageError("--roles are those of the rig's joints: give --rig FILE too")
     if rig is None and rig_file != {"unit": None, "up": "y", "forward": None, "handedness": "right"}:
         raise click.UsageError("--rig-unit and --rig-up are about the rig's file: give --rig FILE too")
+    if rig is not None and heights is not None:
+        raise click.UsageError("rigs stand on level ground: leave out --heights, or --rig")
     up, forward, handedness = axes.system(up, forward, handedness)
     convention = axes.Convention(up=up, forward=forward, handedness=handedness)
-    inputs = (*given.values(), chosen["settings"], rig, roles)
+    inputs = (*given.values(), chosen["settings"], heights, rig, roles)
     check_outputs((output, tape), inputs, chosen["course_name"])
     form = output and writers.suffix_of(Path(output))
     if character >= chosen["count"]:
@@ -150,7 +165,7 @@ def perform(
     keep = None if tape else max(character + 1, KEPT)
     driven = load()
     body = None if rig is None else _rig(rig, roles, rig_file)
-    recording, shown = _drive(driven, keep=keep, rig=rig, body=body, **chosen)
+    recording, shown = _drive(driven, keep=keep, heights=heights, rig=rig, body=body, **chosen)
     if output:
         clip = recording.clip(character) if shown is None else shown.clip(recording, character)
         moved = convention.clip_to(clip)
@@ -161,7 +176,7 @@ def perform(
     if tape:
         recording.save(tape)
     facts = {**given, **summarise(recording, chosen["count"])}
-    facts |= {"rig": rig, "output": output, "recording": tape}
+    facts |= {"heights": heights, "rig": rig, "output": output, "recording": tape}
     if as_json:
         console.print_json(facts)
     else:
@@ -196,6 +211,7 @@ def _rig(file: str, roles: str | None, reading: dict[str, Any]) -> Anatomy:
 def _drive(
     driven: Driven,
     *,
+    heights: str | None,
     rig: str | None,
     body: Anatomy | None,
     course_name: str,
@@ -211,24 +227,26 @@ def _drive(
 ) -> tuple[Recording, Rigged | None]:
     from dataclasses import replace
 
+    from features import terrain
     from motion import config
 
     from . import course as library
     from .driver import Driver
+    from .grounded import Grounded
     from .recording import record
     from .rigged import Rigged
-    from .settings import Settings
 
-    chosen = config.load(Settings, settings) if settings else Settings()
+    chosen: Any = config.load(driven.settings, settings) if settings else driven.settings()
     if no_foot_lock:
         chosen = replace(chosen, foot_lock=False)
     course = fitted(library.load(course_name), driven.description, **scaling)
     masks = driven.description.tag_mask(require_tag), driven.description.tag_mask(forbid_tag)
-    controller = driven.controller(count=count, settings=chosen, obstacles=course.obstacles())
-    if not controller.stages.projection.possible(*masks):
-        wanted = [f"with {', '.join(require_tag)}"] * bool(require_tag)
-        wanted += [f"without {', '.join(forbid_tag)}"] * bool(forbid_tag)
-        raise UserError(f"no frame {' and '.join(wanted)}", remedy="require or forbid fewer tags")
+    ground = None if heights is None else terrain.load(heights)
+    seen = {"ground": ground} if ground is not None and driven.sees_ground else {}
+    controller = driven.controller(count=count, settings=chosen, obstacles=course.obstacles(), **seen)
+    controller.check_tags(*masks)
+    if ground is not None:
+        controller = Grounded(controller, ground, follow=not driven.sees_ground)
     driver = Driver(
         course, count, controller.fps, spread=spread, required_tags=masks[0], forbidden_tags=masks[1]
     )
@@ -300,3 +318,22 @@ def summarise(recording: Recording, characters: int | None = None) -> dict[str, 
         "us_per_character_mean": float(each.mean()),
         "us_per_character_p99": float(np.percentile(each, 99)),
     }
+
+
+def show_settings(settings: Any, output: str | None) -> None:
+    """Print a controller's settings as TOML to edit, or write them to output."""
+    from motion import templates
+
+    text = templates.explained(settings)
+    if output is None:
+        click.echo(text, nl=False)
+    else:
+        check_outputs((output,), (), None)
+        write_text(output, text)
+
+
+def write_text(path: str, text: str) -> None:
+    from motion import files
+
+    with files.atomic(path, "w") as stream:
+        stream.write(text)

@@ -220,6 +220,18 @@ class LocomotionController:
         """The poses [N] that the last step showed, valid until the next one."""
         return self._pose
 
+    def check_tags(self, required: int, forbidden: int) -> None:
+        """A UserError for any tags: a network of locomotion knows none."""
+        names = self.description.tags_of(required | forbidden)
+        if names:
+            raise UserError(
+                f"a {self._model.kind} knows nothing of the tag {names[0]!r}", remedy="ask for no tags"
+            )
+
+    def contacts(self) -> NDArray[np.uint8]:
+        """Which feet touch the ground by the network [N, C]; valid until the next step."""
+        return self._contacts
+
     def planted(self) -> NDArray[np.uint8]:
         """Which feet the last step held on the ground [N, C]."""
         return self._feet["locked"].astype(np.uint8)
@@ -229,7 +241,7 @@ class LocomotionController:
 
         trajectory [N, 12, 3] is what the network was given; gait [N, 6] is that of the frame to come.
         """
-        c, nothing = self.characters, np.zeros(self.count, np.bool_)
+        c = self.characters
         return {
             "command_velocity": self._command.velocity.astype(np.float32),
             "command_yaw": self._command.yaw.astype(np.float32),
@@ -240,10 +252,6 @@ class LocomotionController:
             "rotations": self._rotations.copy(),
             "contacts": self._contacts.copy(),
             "locked": self._feet["locked"].copy(),
-            "frame": np.full(self.count, -1, np.int32),
-            "searched": nothing,
-            "forced": nothing.copy(),
-            "transition": nothing.copy(),
             "trajectory": trajectory.world(c["shown"], self._x, int(self._into[0])),
             "gait": c["gait"].copy(),
         }
@@ -253,5 +261,5 @@ class LocomotionController:
         state = self.characters, self._past, *self._fed, self._x, self._points
         more = self._contacts, self._feet, self._rotations, *self._shown.arrays().values()
         return self.network.memory() | {
-            "character": sum(array.nbytes for array in (*state, *more)) // self.count
+            "state": sum(array.nbytes for array in (*state, *more)) // self.count
         }

@@ -6,10 +6,16 @@ import os
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Self
 
+import numpy as np
+
+from mm.database import Database
 from mm.description import Description
 from motion import files
+from motion.errors import UserError
 
 from .network import MixedNetwork, WeightType
+
+BONE = 1e-3  # metres that bones of one skeleton may differ by from file to file
 
 
 @dataclass(eq=False, repr=False)
@@ -25,6 +31,7 @@ class LocomotionModel:
     """
 
     kind: ClassVar[str]  # of its files
+    family: ClassVar[str]  # of its systems
     version: ClassVar[int]
     network_type: ClassVar[type[MixedNetwork]]
 
@@ -49,6 +56,41 @@ class LocomotionModel:
     def layout(self) -> Any:
         """What the network takes in and puts out."""
         raise NotImplementedError
+
+    @property
+    def networks(self) -> dict[str, Any]:
+        """What runs, by name."""
+        return {self.family: self.network}
+
+    @property
+    def parameters(self) -> int:
+        """Numbers in all weights and biases."""
+        raise NotImplementedError
+
+    @property
+    def sees_ground(self) -> bool:
+        """Whether the network knows ground that is not level."""
+        return False
+
+    def weight_bytes(self) -> dict[str, int]:
+        """Bytes of weights and biases at run time, by part or by mode."""
+        raise NotImplementedError
+
+    def check(self, database: Database, path: str | os.PathLike[str] | None = None) -> None:
+        """A UserError unless the network moves the skeleton of a database, at its rate."""
+        mine, its = self.description.skeleton, database.skeleton
+        remedy = "give the database that it was trained from, or one of the same skeleton and rate"
+        what = None
+        if mine.names != its.names or not np.array_equal(mine.parents, its.parents):
+            what = "other joints"
+        elif not np.allclose(mine.offsets, its.offsets, atol=BONE):
+            what = "bones of other lengths"
+        elif self.description.contact_roles != database.contact_roles:
+            what = "other contacts"
+        elif self.description.fps != database.fps:
+            what = f"{self.description.fps:g} frames per second, not {database.fps:g}"
+        if what is not None:
+            raise UserError(f"the model is not of this database: {what}", path=path, remedy=remedy)
 
     def as_type(self, weight_type: WeightType) -> Self:
         """The same model with its weights stored otherwise (`MixedNetwork.as_type`)."""

@@ -17,7 +17,7 @@ KIND, VERSION = "mode-adaptive network", 1
 class MannModel(LocomotionModel):
     """A mode-adaptive network on a description of its data; without contacts put out no foot is locked."""
 
-    kind, version, network_type = KIND, VERSION, MannNetwork
+    kind, family, version, network_type = KIND, "mann", VERSION, MannNetwork
 
     network: MannNetwork
 
@@ -30,6 +30,10 @@ class MannModel(LocomotionModel):
     def parameters(self) -> int:
         """Numbers in the experts and the gate."""
         return self.network.experts * self.network.parameters + self.network.gate_parameters
+
+    def weight_bytes(self) -> dict[str, int]:
+        """Bytes of the experts' weights, and of the gate's."""
+        return {"experts": self.network.weight_bytes, "gate": 4 * self.network.gate_parameters}
 
 
 def end_effectors(description: Description) -> list[int]:
