@@ -59,6 +59,11 @@ class LatentState:
         count = len(values)
         return LatentState(values, width, np.zeros(count, np.uint32), np.full(count, -1, np.int32))
 
+    @property
+    def nbytes(self) -> int:
+        arrays = self.values, self.asked, self.near, self.since, self.moved, self.landed, self.age
+        return sum(array.nbytes for array in arrays)
+
     def __len__(self) -> int:
         return len(self.values)
 
@@ -159,7 +164,7 @@ class ProjectorProjection:
             )
 
     def memory(self) -> dict[str, int]:
-        return {"projector": self._network.nbytes}
+        return {"projector": self._network.nbytes + self._scale.nbytes}
 
 
 class StepperStepping:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from mm.settings import Settings
 from motion import console
 
 from . import pretrained
+from .controller import controller
 from .model import Model
 
 PARTS = {"training": "training", "held_out": "held out"}
@@ -22,6 +24,7 @@ def describe(model: Model, path: str) -> dict[str, Any]:
         "file_bytes": pretrained.find(path).stat().st_size,
         "parameters": model.parameters,
         "bytes": model.memory(),
+        "state_bytes": _state(model),
         "networks": {
             name: {
                 "sizes": list(network.sizes),
@@ -47,6 +50,11 @@ def describe(model: Model, path: str) -> dict[str, Any]:
     }
 
 
+def _state(model: Model) -> int:
+    """Bytes that a controller holds of a character: where it is, what it shows, its learned state."""
+    return controller(model, settings=Settings(foot_lock=False), compiled=False).memory()["state"]
+
+
 def show(facts: dict[str, Any]) -> None:
     """Print it for people."""
     sizes = ", ".join(f"{name} {size / 1e6:.2f}" for name, size in facts["bytes"].items())
@@ -57,6 +65,7 @@ def show(facts: dict[str, Any]) -> None:
     )
     show_origin(facts)
     print(f"megabytes    {facts['file_bytes'] / 1e6:.2f} in the file; at run time {sizes}")
+    print(f"a character  {facts['state_bytes'] / 1e3:.1f} kB of state more")
     stored = facts["stored_latents_bytes"]
     if stored:
         print(

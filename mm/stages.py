@@ -26,6 +26,11 @@ NOBODY = np.zeros(0, np.int64)
 class State(Protocol):
     """Where N characters are in the data."""
 
+    @property
+    def nbytes(self) -> int:
+        """Bytes of all N, without the data that they are in."""
+        ...
+
     def __len__(self) -> int: ...
 
     def features(self) -> NDArray[np.float32]:
@@ -136,6 +141,10 @@ class FrameState:
 
     index: NDArray[np.int32]
     data: Frames
+
+    @property
+    def nbytes(self) -> int:
+        return self.index.nbytes
 
     def __len__(self) -> int:
         return len(self.index)

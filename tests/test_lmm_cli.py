@@ -15,6 +15,7 @@ from click.testing import CliRunner, Result
 
 from lmm import pretrained, summary
 from lmm.cli import main
+from lmm.controller import controller
 from lmm.model import Model
 from lmm.pfnn.model import PhaseModel
 from lmm.training import pfnn_settings
@@ -274,6 +275,7 @@ def test_info(model: Path, db: Path) -> None:
     loaded = Model.load(model)
     assert facts["parameters"] == loaded.parameters and facts["file_bytes"] == model.stat().st_size
     assert facts["bytes"] == loaded.memory() and sum(facts["bytes"].values()) < facts["file_bytes"]
+    assert facts["state_bytes"] == controller(loaded).memory()["state"]
     assert set(facts["networks"]) == {"decompressor", "stepper", "projector", "compressor"}
     stepper = facts["networks"]["stepper"]
     assert stepper["sizes"] == [32, 16, 16, 32] and stepper["weights"] == "float32"
@@ -288,6 +290,7 @@ def test_info(model: Path, db: Path) -> None:
         "23 joints at 60 fps",
         f"fingerprint  {loaded.fingerprint}",
         f"database     {loaded.database}",
+        f"a character  {facts['state_bytes'] / 1000:.1f} kB of state",
         "held out     run",
         "recipe ours, preset smoke, seed 0",
         "32-16-16-32",

@@ -299,7 +299,7 @@ def test_memory_counts_what_a_mixture_holds_and_nothing_else(model, database):
 
     frames, stored = len(database), database.features.nbytes
     classical, alone = parts(""), parts("PSD")
-    assert set(alone) == {"projector", "stepper", "decompressor", "character"}
+    assert set(alone) == {"projector", "stepper", "decompressor", "statistics", "state"}
     assert "poses" in classical and "latents" not in classical
     kept = parts("D")
     assert "poses" not in kept and kept["features"] == stored and kept["latents"] == frames * model.L * 2
@@ -309,6 +309,20 @@ def test_memory_counts_what_a_mixture_holds_and_nothing_else(model, database):
     assert "lookup" not in parts("SD")
     small = controller(model.as_type("int8"), database, "PSD").memory()
     assert small["decompressor"] < alone["decompressor"]
+
+
+def test_memory_counts_what_a_character_holds_whatever_its_state_is(model, database):
+    """All systems hold the same of a character, and a frame's number or a learned state besides."""
+    learned = 2 * 4 * (model.F + model.L) + 4 * 4 + 1
+    sizes = {letters: controller(model, database, letters).memory() for letters in COMBINATIONS}
+    rest = {sizes[letters]["state"] - (learned if "S" in letters else 4) for letters in COMBINATIONS}
+    poses = 3 * 4 * 13 * len(database.skeleton)  # what plays, what is shown, how that differs
+    assert len(rest) == 1 and poses < rest.pop() < poses + 3000
+    assert {memory["statistics"] for memory in sizes.values()} == {2 * 4 * model.F}
+    crowd = controllers.controller(model, count=64)
+    assert crowd.memory() == sizes["PSD"]
+    crowd.step(Command.still(64))
+    assert crowd.memory() == sizes["PSD"]
 
 
 def test_the_state_of_many_characters_is_made_once(model, database):

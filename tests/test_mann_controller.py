@@ -281,7 +281,7 @@ def test_memory_and_stages() -> None:
     controller = MannController(model)
     memory = controller.memory()
     assert memory["network"] == model.network.weight_bytes
-    assert memory["character"] == MannController(model, count=64).memory()["character"]
+    assert memory["state"] == MannController(model, count=64).memory()["state"]
     controller.timed = True
     controller.step(commands(1))
     assert tuple(controller.stage_seconds) == STAGES and all(t > 0 for t in controller.stage_seconds.values())

@@ -260,6 +260,4 @@ class LocomotionController:
         """Bytes by part: weights, their padding and statistics, the state of one character."""
         state = self.characters, self._past, *self._fed, self._x, self._points
         more = self._contacts, self._feet, self._rotations, *self._shown.arrays().values()
-        return self.network.memory() | {
-            "state": sum(array.nbytes for array in (*state, *more)) // self.count
-        }
+        return self.network.memory() | {"state": sum(array.nbytes for array in (*state, *more)) // self.count}
