@@ -15,7 +15,7 @@ from motion import console, files
 from motion.errors import UserError
 
 if TYPE_CHECKING:
-    from lmm.model import Model
+    from lmm.models import AnyModel
     from mm.database import Database
 
 CLIPS = (".bvh", ".amc", ".asf", ".npz", ".gltf", ".glb")
@@ -32,7 +32,7 @@ MODELS = click.option(
     multiple=True,
     type=click.Path(),
     metavar="MODEL",
-    help="A model that `lmm train` made from this database.  [repeatable]",
+    help="A model of any kind that `lmm train` made from this database.  [repeatable]",
 )
 
 
@@ -103,8 +103,9 @@ def compare(
 
     With --model networks take the place of stages of motion matching, in all seven ways: lmm-PSD is learned
     projection, stepping and decompression, lmm-D the decompressor alone; lmm-D-free, by that name, does not
-    hold the feet. Every system's poses are then held against those of the data, and those of mm-exact (or
-    mm-exact-free, where only such run) under the same commands.
+    hold the feet. A phase-functioned network runs as pfnn-cubic, pfnn-linear and pfnn-constant, a
+    mode-adaptive one as mann-4, by its experts. Every system's poses are then held against those of the data,
+    and those of mm-exact (or mm-exact-free, where only such run) under the same commands.
     """
     from mm import course as known_courses
 
@@ -181,7 +182,7 @@ def crowd(
 ) -> None:
     """Microseconds a character and frame by number of characters, with and without search, by stage.
 
-    With --model of learned motion matching too, beside motion matching.
+    With --model of learned motion matching too, and of networks of locomotion, beside motion matching.
     """
     from . import crowd as crowds
     from . import systems as registry
@@ -197,6 +198,8 @@ def crowd(
     if as_json:
         console.print_json(rows)
     else:
+        columns = dict.fromkeys(key for row in rows for key in row)  # systems have other stages
+        rows = [{**columns, **row} for row in rows]
         console.print_table(rows, title=f"{db}: microseconds a character and frame, one thread")
 
 
@@ -470,7 +473,7 @@ def _check_folder(folder: Path, sources: tuple[str, ...], chosen: dict[str, Any]
         files.check_output(folder / name, inputs=[*options.inputs(chosen), *others])
 
 
-def _check_models(learned: Mapping[str, Model], paths: Iterable[str], database: Database) -> None:
+def _check_models(learned: Mapping[str, AnyModel], paths: Iterable[str], database: Database) -> None:
     """A UserError unless models are of a database."""
     for model, path in zip(learned.values(), paths, strict=True):
         model.check(database, path)

@@ -28,7 +28,7 @@ from . import timing
 from .systems import Entry, called, choose, without_legs
 
 if TYPE_CHECKING:
-    from lmm.model import Model
+    from lmm.models import AnyModel
 
 TIMED_SECONDS, REPEATS = 5.0, 3
 WORST = ("pop_cm",)  # of these a system's summary row has the largest, of all other metrics the mean
@@ -71,7 +71,7 @@ def compare(
     courses: Sequence[str | Course] = COURSES,
     systems: Sequence[str | Entry] | None = None,
     indexes: Sequence[str] | None = None,
-    models: Mapping[str, Model] | None = None,
+    models: Mapping[str, AnyModel] | None = None,
     seconds: float = SECONDS,
     timed_seconds: float = TIMED_SECONDS,
     seed: int | None = None,
@@ -92,7 +92,7 @@ def compare(
         this database cannot have are left out with a note, unless none is left. Where legs are not whole
         those run that do not hold the feet; others, by name, are a UserError.
     indexes : search indexes of motion matching; all when None.
-    models : learned ones by name (see `bench.systems.learned`); with them every system's poses are held
+    models : trained ones by name (see `bench.systems.learned`); with them every system's poses are held
         against those of motion matching and of the data (see `_Yardstick`).
     timed_seconds : how much of each course the clock runs; the metrics are those of all of it.
     seed : of courses with a random user; their own when None.
@@ -179,7 +179,7 @@ def compare(
     )
 
 
-def _about(model: Model) -> dict[str, Any]:
+def _about(model: AnyModel) -> dict[str, Any]:
     return {
         "fingerprint": model.fingerprint,
         "database": model.database,
@@ -200,7 +200,7 @@ def _prepared(course: str | Course, walk: float, run: float, seed: int | None, s
 def _chosen(
     systems: Sequence[str | Entry] | None,
     indexes: Sequence[str] | None,
-    models: Mapping[str, Model] | None,
+    models: Mapping[str, AnyModel] | None,
     *,
     legs: bool,
 ) -> list[Entry]:
@@ -276,7 +276,8 @@ class _Runs:
         clock, tape = self._drive(system)
         key = hashlib.blake2b()
         for name in ("positions", "rotations", "transition"):
-            key.update(tape[name].tobytes())
+            if name in tape.arrays:
+                key.update(tape[name].tobytes())
         if key.digest() not in self._judged:
             self._judged[key.digest()] = self._judge(system, clock, tape)
         metrics, trace = self._judged[key.digest()]

@@ -23,7 +23,7 @@ from . import timing
 from .systems import called, without_legs
 
 if TYPE_CHECKING:
-    from lmm.model import Model
+    from lmm.models import AnyModel
 
 ENDINGS = {"float32": "", "bfloat16": "-bf16"}
 NEVER = 1e6  # seconds between searches, metres a second per second: none but at a clip's end
@@ -34,43 +34,32 @@ def measure(
     *,
     counts: Sequence[int] = (1, 16, 256, 1024),
     index: str = "exact",
-    models: Mapping[str, Model] | None = None,
+    models: Mapping[str, AnyModel] | None = None,
     seconds: float = 5.0,
     repeats: int = 3,
     progress: bool = False,
 ) -> list[dict[str, Any]]:
     """A row a system and count: microseconds a character and frame, one pinned thread, warm.
 
-    Systems are motion matching with an index, and models by name with all three stages learned, once more
-    with -bf16 where the processor multiplies bfloat16 numbers; where legs are not whole those that do not
-    hold the feet, whose names end in -free.
+    Systems are motion matching with an index, and models by name: with all three stages learned, or a network
+    of locomotion in all its ways; once more with -bf16 where the processor multiplies bfloat16 numbers. Where
+    legs are not whole they are those that do not hold the feet, whose names end in -free.
 
     Characters are spread over a random user's script, so that no two do the same. us: mean with a search
     every 0.1 s and when the command changes abruptly; p99_us: 99th percentile of the frames; no_search_us:
-    median of frames without any search; then the mean of each stage with search. Of each frame the least of
+    median of frames without any search, None of systems that never search; then the mean of each stage with
+    search. Of each frame the least of
     repeats runs counts, since each run does the same again.
     """
     if not counts or min(counts) < 1:
         raise UserError(f"counts {list(counts)}", remedy="give numbers of at least 1, as 1,16,256")
-    shared, locked = build_index(database, index, Settings()), without_legs(database) is None
-    systems: dict[str, Callable[..., System]] = {
-        called(f"mm-{index}", locked): partial(Controller, database, index=shared)
-    }
-    for name, model in (models or {}).items():
-        model.check(database)
-        for products, ending in _products().items():
-            systems[called(f"{name}-PSD{ending}", locked)] = _learned(model, products)
-    often = Settings(foot_lock=locked)
-    never = replace(often, search_interval=NEVER, forced_search_change=NEVER)
+    systems = _systems(database, index, models or {}, locked=without_legs(database) is None)
     course = at_data_speeds(courses.load("random"), database)
     frames = max(2, round(seconds * database.fps))
     jobs = [(name, count) for name in systems for count in counts]
     rows = []
     for name, count in console.progress(jobs, label="crowd", unit="crowds") if progress else jobs:
-        with_search, without = (
-            cost(systems[name](count=count, settings=settings), course, frames, repeats)
-            for settings in (often, never)
-        )
+        with_search, *without = (cost(make(count=count), course, frames, repeats) for make in systems[name])
         each = 1e6 / count
         rows.append(
             {
@@ -78,7 +67,7 @@ def measure(
                 "characters": count,
                 "us": float(each * with_search.whole.mean()),
                 "p99_us": float(each * np.percentile(with_search.whole, 99)),
-                "no_search_us": float(each * np.median(without.whole)),
+                "no_search_us": float(each * np.median(without[0].whole)) if without else None,
             }
             | {
                 f"{stage.replace(' ', '_')}_us": float(each * t.mean())
@@ -88,17 +77,36 @@ def measure(
     return rows
 
 
-def _products() -> dict[Any, str]:
-    """What this processor multiplies, and how names of systems say so."""
-    from lmm.evaluator import products_here
-
-    return {name: ending for name, ending in ENDINGS.items() if name in products_here()}
-
-
-def _learned(model: Model, products: Any) -> Callable[..., System]:
+def _systems(
+    database: Database, index: str, models: Mapping[str, AnyModel], *, locked: bool
+) -> dict[str, list[Callable[..., System]]]:
+    """What makes each system, of a count: as it is, and if it searches, once more without any search."""
     from lmm.controller import controller
+    from lmm.evaluator import products_here
+    from lmm.locomotion.settings import LocomotionSettings
+    from lmm.models import Model, controllers
 
-    return partial(controller, model, products=products)
+    often = Settings(foot_lock=locked)
+    never = replace(often, search_interval=NEVER, forced_search_change=NEVER)
+    shared = build_index(database, index, often)
+    search: dict[str, Callable[..., System]] = {f"mm-{index}": partial(Controller, database, index=shared)}
+    networks: dict[str, Callable[..., System]] = {}
+    endings: dict[Any, str] = {name: ending for name, ending in ENDINGS.items() if name in products_here()}
+    for name, model in models.items():
+        model.check(database)
+        for products, ending in endings.items():
+            if isinstance(model, Model):
+                search[f"{name}-PSD{ending}"] = partial(controller, model, products=products)
+            else:
+                for way, make in controllers(model).items():
+                    networks[f"{name}-{way}{ending}"] = partial(make, products=products)
+    systems: dict[str, list[Callable[..., System]]] = {
+        name: [partial(make, settings=settings) for settings in (often, never)]
+        for name, make in search.items()
+    }
+    own = LocomotionSettings(foot_lock=locked)
+    systems |= {name: [partial(make, settings=own)] for name, make in networks.items()}
+    return {called(name, locked): ways for name, ways in systems.items()}
 
 
 def cost(system: System, course: Course, frames: int, repeats: int) -> timing.Cost:

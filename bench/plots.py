@@ -20,6 +20,9 @@ STAGES = (
     "inertialization",
     "synchronization",
     "foot_lock",
+    "trajectory",
+    "network",
+    "pose",
 )
 
 

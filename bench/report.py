@@ -69,7 +69,7 @@ BRIEF = (
     "speed_ratio",
 )
 ABOUT = {name: about for name, _, _, about in COLUMNS}
-STRIPS = 3  # different ways a course that are drawn as film strips
+STRIPS = 3  # different ways a course that are drawn as film strips, at least
 
 
 def save(comparison: Comparison, folder: Path, *, command: str) -> list[Path]:
@@ -194,13 +194,27 @@ def _section(comparison: Comparison, course: Any) -> dict[str, Any]:
         "description": course.description,
         "rows": rows.to_dict("records"),
         "pictures": pictures,
-        "strips": _strips(comparison, plots.groups(traces, poses=False), course.name),
+        "strips": _strips(comparison, drawn(traces), course.name),
     }
+
+
+def drawn(traces: Sequence[Any]) -> list[Sequence[Any]]:
+    """Groups whose film strips are drawn: the first of each family of systems, and `STRIPS` in any case.
+
+    Those of a family that went the same way are a group; others may stand at one place in other poses.
+    """
+    families: dict[str, list[Any]] = {}
+    for trace in traces:
+        families.setdefault(trace.system.split("-", 1)[0], []).append(trace)
+    groups = [plots.groups(own, poses=False) for own in families.values()]
+    first = [own[0] for own in groups]
+    others = [group for own in groups for group in own[1:]][: max(STRIPS - len(first), 0)]
+    return [group for own in groups for group in own if group in first or group in others]
 
 
 def _strips(comparison: Comparison, groups: Sequence[Sequence[Any]], course: str) -> list[tuple[str, str]]:
     out = []
-    for i, group in enumerate(groups[:STRIPS]):
+    for i, group in enumerate(groups):
         with figures.style(f"{course} {i}"):
             picture = strips.figure(group[0], feet=comparison.feet)
             out.append((plots.label(group), figures.svg(picture)))

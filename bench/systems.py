@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import fnmatch
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
@@ -18,7 +18,9 @@ from mm.feet import joints_of_legs
 from motion.errors import UserError
 
 if TYPE_CHECKING:
+    from lmm.locomotion.model import LocomotionModel
     from lmm.model import Model
+    from lmm.models import AnyModel
 
 
 class Factory(Protocol):
@@ -115,47 +117,88 @@ def _controller(
     )
 
 
-def load_models(paths: Sequence[str]) -> dict[str, Model]:
-    """Models by the name that their systems begin with: lmm, or lmm-FILE of several."""
-    from lmm.model import Model
+def load_models(paths: Sequence[str]) -> dict[str, AnyModel]:
+    """Models by the name that their systems begin with: lmm, pfnn or mann, or lmm-FILE of several such."""
+    from lmm.models import kind_of, load
 
-    if len(paths) == 1:
-        return {"lmm": Model.load(paths[0])}
-    models: dict[str, Model] = {}
-    for path in paths:
-        name = f"lmm-{Path(path).stem}"
+    kinds = [kind_of(path) for path in paths]
+    models: dict[str, AnyModel] = {}
+    for path, kind in zip(paths, kinds, strict=True):
+        name = kind if kinds.count(kind) == 1 else f"{kind}-{Path(path).stem}"
         if name in models:
             raise UserError(f"two models are called {Path(path).stem!r}", path=path, remedy="rename one file")
-        models[name] = Model.load(path)
+        models[name] = load(path)
     return models
 
 
-def learned(models: Mapping[str, Model]) -> list[Entry]:
-    """All ways in which networks take the place of stages: NAME-PSD is learned motion matching itself.
+def learned(models: Mapping[str, AnyModel]) -> list[Entry]:
+    """All systems that models make, whose names begin with those of the models.
 
-    P is projection, S stepping, D decompression: NAME-D is the decompressor alone, on an exact search. None
-    of them learned is mm-exact. NAME-D-free does not hold the feet; it comes by its name or a pattern, or
-    where legs are not whole.
+    Learned motion matching runs in all ways in which networks take the place of stages: NAME-PSD is learned
+    motion matching itself. P is projection, S stepping, D decompression: NAME-D is the decompressor alone, on
+    an exact search. None of them learned is mm-exact. A phase-functioned network is NAME-cubic, NAME-linear
+    and NAME-constant, a mode-adaptive one of four experts NAME-4.
+
+    NAME-D-free does not hold the feet; it comes by its name or a pattern, or where legs are not whole.
     """
-    from lmm.mixtures import COMBINATIONS
+    from lmm.models import Model
 
     out = []
     for name, model in models.items():
-        shared: dict[str, Any] = {}
-        for letters, locked in product(filter(None, reversed(COMBINATIONS)), (True, False)):
-            make = partial(_learned, name, model, letters, locked, shared)
-            networks = " and ".join(word for letter, word in STAGES.items() if letter in letters)
-            about = f"{networks} by networks{'' if locked else ', feet as they come'}"
-            out.append(Entry(called(f"{name}-{letters}", locked), make, about, locked, spare=not locked))
+        ways = _mixtures(name, model) if isinstance(model, Model) else _networks(name, model)
+        for (ending, about, make), locked in product(ways, (True, False)):
+            about = about if locked else f"{about}, feet as they come"
+            out.append(
+                Entry(called(f"{name}-{ending}", locked), partial(make, locked), about, locked, not locked)
+            )
     return out
+
+
+def _mixtures(name: str, model: Model) -> list[tuple[str, str, Callable[..., System]]]:
+    """Of each way to mix learned stages with others its letters, what it is, and what makes it."""
+    from lmm.mixtures import COMBINATIONS
+
+    shared: dict[str, Any] = {}
+    out: list[tuple[str, str, Callable[..., System]]] = []
+    for letters in filter(None, reversed(COMBINATIONS)):
+        networks = " and ".join(word for letter, word in STAGES.items() if letter in letters)
+        out.append((letters, f"{networks} by networks", partial(_learned, name, model, letters, shared)))
+    return out
+
+
+def _networks(name: str, model: LocomotionModel) -> list[tuple[str, str, Callable[..., System]]]:
+    """Of each way to run a network of locomotion how its name ends, what it is, and what makes it."""
+    from lmm.models import controllers
+
+    return [
+        (ending, f"{model.kind}, {ending}", partial(_network, f"{name}-{ending}", model, make))
+        for ending, make in controllers(model).items()
+    ]
+
+
+def _network(
+    name: str,
+    model: LocomotionModel,
+    make: Callable[..., System],
+    locked: bool,
+    database: Database,
+    count: int,
+    *,
+    obstacles: ArrayLike = (),
+) -> System:
+    from lmm.locomotion.settings import LocomotionSettings
+
+    model.check(database)
+    settings = LocomotionSettings(foot_lock=locked)
+    return make(count=count, settings=settings, obstacles=obstacles, name=called(name, locked))
 
 
 def _learned(
     name: str,
     model: Model,
     letters: str,
-    locked: bool,
     shared: dict[str, Any],
+    locked: bool,
     database: Database,
     count: int,
     *,
@@ -184,7 +227,9 @@ def _learned(
     )
 
 
-def entries(indexes: Iterable[str] | None = None, models: Mapping[str, Model] | None = None) -> list[Entry]:
+def entries(
+    indexes: Iterable[str] | None = None, models: Mapping[str, AnyModel] | None = None
+) -> list[Entry]:
     """All systems there are; indexes limits those of motion matching."""
     return [*motion_matching(indexes), *learned(models or {}), *_REGISTERED.values()]
 
@@ -193,7 +238,7 @@ def choose(
     patterns: Sequence[str] | None = None,
     *,
     indexes: Iterable[str] | None = None,
-    models: Mapping[str, Model] | None = None,
+    models: Mapping[str, AnyModel] | None = None,
     legs: bool = True,
 ) -> list[Entry]:
     """Systems by name, by family ("mm") or by pattern ("mm-*-free"), in the registry's order; all when None.
@@ -211,10 +256,18 @@ def choose(
         fitting = fitting or [
             e for e in known if fnmatch.fnmatchcase(e.name, pattern) and (legs or not e.locked)
         ]
-        if not fitting and pattern.startswith("lmm") and not models:
+        if not fitting and _lacks_model(pattern, models or {}):
             raise UserError(f"no system {pattern!r} without a model", remedy="give one that lmm train wrote")
         if not fitting:
             names = ", ".join(e.name for e in known)
             raise UserError(f"no system {pattern!r}", remedy=f"choose from {names}")
         chosen += fitting
     return [e for e in known if e in chosen]
+
+
+def _lacks_model(pattern: str, models: Iterable[str]) -> bool:
+    """Whether systems of a pattern are made of models, and there is none of that kind."""
+    from lmm.models import TYPES
+
+    kinds = [kind for kind in TYPES if pattern.startswith(kind)]
+    return bool(kinds) and not any(name.startswith(kinds[0]) for name in models)

@@ -97,12 +97,16 @@ def judge(
     system: str = "",
     course: str = "",
 ) -> tuple[dict[str, float], Trace]:
-    """Metrics and trace of a recording's arrays [T, N, ...] (see `mm.recording`); path [P, 2] or None."""
+    """Metrics and trace of a recording's arrays [T, N, ...] (see `mm.recording`); path [P, 2] or None.
+
+    Without transitions, which not all systems have, the metrics of them are NaN.
+    """
     world, turned = world_transforms(skeleton, arrays["positions"], arrays["rotations"])
     root = world[:, :, 0][..., [0, 2]]
     yaws = quat.yaw(np.asarray(arrays["rotations"][:, :, 0], np.float64))
     asked = np.asarray(arrays["command_velocity"], np.float64)
-    transition = np.asarray(arrays["transition"], bool)
+    jumps = arrays.get("transition")
+    transition = np.zeros(world.shape[:2], bool) if jumps is None else np.asarray(jumps, bool)
     standing = contacts.place_points(world, turned, feet.joints, feet.points)
     local = in_root_space(skeleton, arrays["positions"], arrays["rotations"])
     pops = metrics.pops(local)
@@ -125,7 +129,7 @@ def judge(
         "ordinary_pop_cm": float(np.percentile(pops[~transition], 99))
         if (~transition).any()
         else float("nan"),
-        "transitions_per_s": float(transition.mean() * fps),
+        "transitions_per_s": float("nan") if jumps is None else float(transition.mean() * fps),
         "speed_mps": float(metrics.root_speed(root, fps).mean()),
         "speed_ratio": metrics.speed_ratio(root, asked, fps),
     }

@@ -12,7 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 INK = "#0f0e0d"  # stands for the page's text colour in what matplotlib draws
-COLOURS = ("#2e86ab", "#d1495b", "#3c9d57", "#e09f3e", "#8e5fbf", "#17a2a2", "#c86f98", "#8a8d3f", "#7a8288")
+COLOURS = (
+    *("#2e86ab", "#d1495b", "#3c9d57", "#e09f3e", "#8e5fbf", "#17a2a2"),
+    *("#c86f98", "#8a8d3f", "#7a8288", "#a05a2c", "#4f6fd0"),
+)
 DRAWN_POINTS = 400
 
 

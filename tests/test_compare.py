@@ -247,8 +247,8 @@ def test_registered_systems_are_chosen_by_name_family_and_pattern(monkeypatch):
         "mm-brute-free",
         "lmm-small",
     ]
-    with pytest.raises(UserError, match=r"no system 'pfnn'; choose from .*mm-brute, .*lmm-small"):
-        systems.choose(["pfnn"])
+    with pytest.raises(UserError, match=r"no system 'gnn'; choose from .*mm-brute, .*lmm-small"):
+        systems.choose(["gnn"])
     with pytest.raises(UserError, match="no search index 'nope'; choose from brute"):
         systems.choose(None, indexes=["nope"])
 
