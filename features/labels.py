@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,6 +23,13 @@ GAITS = gaits.GAITS
 PARTS = tuple(f"{side}_{part}" for side in ("left", "right") for part in ("heel", "toe", "foot", "hand"))
 """What a contact may be of."""
 TURN = np.float32(2 * np.pi)
+# By what the contact of a part is told, where labels do not name it.
+_TOLD_BY = {
+    "heel": ("heel", "foot", "toe"),
+    "toe": ("toe", "foot", "heel"),
+    "foot": ("foot", "heel", "toe"),
+    "hand": ("hand",),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,21 +94,31 @@ class Labels:
         """The labels with the phase that their contacts tell, as after contacts were corrected."""
         return replace(self, phase=wrapped(phases.from_contacts(self.names, self.contacts, fps)))
 
+    def of_parts(self, names: Sequence[str]) -> Labels:
+        """The labels with the contacts of other parts, which may name feet otherwise.
+
+        A foot touches with its heel or toe; a foot that has no heel and toe of its own touches with both at
+        once (REFERENCE 4.2). A UserError where nothing tells of a part.
+        """
+        columns = []
+        for name in names:
+            side, part = name.split("_")
+            known = [f"{side}_{one}" for one in _TOLD_BY[part] if f"{side}_{one}" in self.names]
+            if not known:
+                limb = "hand" if part == "hand" else "foot"
+                raise UserError(f"no contact of the {side} {limb} among {', '.join(self.names)}")
+            both = part == "foot" and name not in known
+            told = [self.contacts[:, self.names.index(one)] for one in (known if both else known[:1])]
+            columns.append(np.max(told, axis=0))
+        contacts = np.stack(columns, axis=-1) if columns else self.contacts[:, :0]
+        return replace(self, names=tuple(names), contacts=contacts)
+
     def foot_contacts(self) -> NDArray[np.uint8]:
         """Contacts of left heel, left toe, right heel, right toe [T, 4], what the published layout has.
 
-        A foot that has no heel and toe of its own (REFERENCE 4.2) touches with both at once. A UserError
-        without feet.
+        See `of_parts`; a UserError without feet.
         """
-        columns = []
-        for side in ("left", "right"):
-            for part in ("heel", "toe"):
-                choices = (f"{side}_{part}", f"{side}_foot", f"{side}_toe")
-                name = next((choice for choice in choices if choice in self.names), None)
-                if name is None:
-                    raise UserError(f"no contact of the {side} foot among {', '.join(self.names)}")
-                columns.append(self.contacts[:, self.names.index(name)])
-        return np.stack(columns, axis=-1)
+        return self.of_parts(("left_heel", "left_toe", "right_heel", "right_toe")).contacts
 
 
 def label(

@@ -14,15 +14,15 @@ from motion.errors import UserError
 from .evaluation.cli import evaluate
 from .exchange_cli import convert, export, import_
 from .run import run, settings_
-from .training import pfnn_settings, settings
-from .training.pfnn_settings import CONFIGURATIONS, PhaseTraining
+from .training import mann_settings, pfnn_settings, settings
+from .training.locomotion_settings import LocomotionTraining
+from .training.pfnn_settings import CONFIGURATIONS
 from .training.settings import PRESETS, RECIPES, Settings
 
 if TYPE_CHECKING:
-    from .model import Model
-    from .pfnn.model import PhaseModel
+    from .models import AnyModel
 
-MODELS = ("lmm", "pfnn")
+MODELS = ("lmm", "pfnn", "mann")
 
 
 @console.group("lmm", "Learned Motion Matching: train networks from a motion database, judge and run them.")
@@ -39,7 +39,7 @@ def main() -> None:
     type=click.Choice(MODELS),
     default="lmm",
     show_default=True,
-    help="Learned Motion Matching, or a phase-functioned network.",
+    help="Learned Motion Matching, a phase-functioned or a mode-adaptive network.",
 )
 @click.option(
     "--preset", type=click.Choice(PRESETS), default="full", show_default=True, help="How long to train."
@@ -52,6 +52,17 @@ def main() -> None:
     type=click.Choice(CONFIGURATIONS),
     help="Of a phase-functioned network: as published, with a layer more, trained twice as long."
     "  [default: holden]",
+)
+@click.option(
+    "--experts",
+    type=click.IntRange(1, 64),
+    help="Of a mode-adaptive network: published are 4 and 8.  [default: 4]",
+)
+@click.option(
+    "--labels",
+    type=click.Path(),
+    metavar="FOLDER",
+    help="Take labels of phase and gaits from those in FOLDER, corrected by hand, where a clip has some.",
 )
 @click.option("--seed", type=click.IntRange(0), help="Of clips held out, weights, batches.  [default: 0]")
 @click.option("--resume", is_flag=True, help="Go on from the checkpoint of a training that was stopped.")
@@ -75,6 +86,8 @@ def train(
     preset: str,
     recipe: str,
     configuration: str | None,
+    experts: int | None,
+    labels: str | None,
     resume: bool,
     config: str | None,
     tensorboard: str | None,
@@ -84,10 +97,12 @@ def train(
     """Train a model from a database that `python -m mm build` wrote.
 
     Of Learned Motion Matching first the compressor with the decompressor, then the stepper, then the
-    projector, and that once more on what the networks themselves ask; a phase-functioned network, which
-    needs motion that walks, in one go. MODEL.jsonl logs losses and errors; MODEL.checkpoint is there until
-    the model is written, --resume goes on from it: the same command and --resume come to the same model,
-    however often the training was stopped.
+    projector, and that once more on what the networks themselves ask; other networks in one go. A
+    phase-functioned one needs motion that walks, and leaves out clips that do not; a mode-adaptive one takes
+    two feet or four. Labels are as `python -m features label` writes them.
+
+    MODEL.jsonl logs losses and errors; MODEL.checkpoint is there until the model is written, --resume goes on
+    from it: the same command and --resume come to the same model, however often the training was stopped.
 
     It takes about 3 kB of memory a frame of 23 joints, on a GPU as much there: 7 GB for ten hours at 60 Hz.
 
@@ -98,19 +113,24 @@ def train(
       batch = 64
       iterations = 20000
 
-    Those of a phase-functioned network stand in [pfnn].
+    Those of a phase-functioned network stand in [pfnn], of a mode-adaptive one in [mann].
     """
     from motion import files
 
     from . import models
     from .training import checkpoint, log
 
-    asked = _settings(what, recipe, preset, configuration, config)
+    asked = _settings(what, recipe, preset, configuration, experts, config)
+    options: dict[str, Any] = {"resume": resume, "tensorboard": tensorboard}
+    if labels is not None:
+        if what == "lmm":
+            raise click.UsageError("--labels are for phases and gaits: give --model pfnn or mann too")
+        options["labels"] = labels
     asked = replace(asked, **{name: value for name, value in chosen.items() if value is not None})
     inputs = [db, config]
     for path in (output, log.path_of(output), checkpoint.path_of(output)):
         files.check_output(path, inputs=inputs)
-    model = _train(db, output, asked, resume=resume, tensorboard=tensorboard)
+    model = _train(db, output, asked, **options)
     facts = models.describe(model, output) | {
         "log": str(log.path_of(output)),
         "minutes": _minutes(output),
@@ -127,27 +147,33 @@ def train(
 
 
 def _settings(
-    what: str, recipe: str, preset: str, configuration: str | None, config: str | None
-) -> Settings | PhaseTraining:
+    what: str, recipe: str, preset: str, configuration: str | None, experts: int | None, config: str | None
+) -> Settings | LocomotionTraining:
     """What a training is told, but for what stands on the command line."""
+    if configuration is not None and what != "pfnn":
+        raise click.UsageError("--configuration is of phase-functioned networks: give --model pfnn too")
+    if experts is not None and what != "mann":
+        raise click.UsageError("--experts are of mode-adaptive networks: give --model mann too")
     if what == "pfnn":
         of_phase = pfnn_settings.preset(recipe, preset, configuration or "holden")
         return pfnn_settings.load(config, of_phase) if config else of_phase
-    if configuration is not None:
-        raise click.UsageError("--configuration is of phase-functioned networks: give --model pfnn too")
+    if what == "mann":
+        of_mann = mann_settings.preset(recipe, preset)
+        of_mann = mann_settings.load(config, of_mann) if config else of_mann
+        return of_mann if experts is None else replace(of_mann, mann=replace(of_mann.mann, experts=experts))
     base = settings.preset(recipe, preset)
     return settings.load(config, base) if config else base
 
 
 @console.needs("train", "torch")
-def _train(db: str, output: str, asked: Settings | PhaseTraining, **options: Any) -> Model | PhaseModel:
+def _train(db: str, output: str, asked: Settings | LocomotionTraining, **options: Any) -> AnyModel:
     from mm.database import Database
 
     database = Database.load(db)
-    if isinstance(asked, PhaseTraining):
-        from .training import train_pfnn
+    if isinstance(asked, LocomotionTraining):
+        from .training import train_locomotion
 
-        return train_pfnn.train(database, output, asked, **options)
+        return train_locomotion.train(database, output, asked, **options)
     from .training import train
 
     return train.train(database, output, asked, **options)
@@ -181,18 +207,29 @@ def info(model: str, as_json: bool) -> None:
     "-o", "--output", required=True, type=click.Path(), metavar="PICTURE", help=".png or .svg to write."
 )
 @click.option("--names", metavar="A,B", help="What to call the logs.  [default: their files' names]")
-def curves(logs: tuple[str, ...], output: str, names: str | None) -> None:
+@console.json_option
+def curves(logs: tuple[str, ...], output: str, names: str | None, as_json: bool) -> None:
     """Draw error against minutes of training, on held-out clips and on those trained on.
 
-    LOG is what `train` writes beside a model; several are compared in one picture, a panel a stage.
+    LOG is what `train` writes beside a model; several are compared in one picture, a panel a stage, and each
+    is held against the last: how much sooner it comes to the error that the last one ends with.
     """
+    from dataclasses import asdict
+
     from .training import curves as drawing
+    from .training import log
 
     called = names.split(",") if names else [Path(one).name.removesuffix(".jsonl") for one in logs]
     if len(called) != len(logs):
         raise UserError(f"{len(called)} names of {len(logs)} logs", remedy="give a name a log: --names A,B")
     drawing.check_output(output, inputs=logs)
     drawing.save(output, logs, called)
+    races = drawing.races([log.read(one) for one in logs], called)
+    if as_json:
+        console.print_json({"output": output, "races": [asdict(race) for race in races]})
+        return
+    for line in drawing.told(races):
+        print(line)
     print(f"wrote {output}")
 
 

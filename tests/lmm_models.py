@@ -36,6 +36,18 @@ def database(*, crouch: bool = False, fps: float = 60.0, schema: str = "mm27") -
     return db
 
 
+def thrown(db: Database, name: str) -> Database:
+    """A database in a clip of which somebody is thrown about in the air."""
+    found = replace(db, poses=db.poses[slice(0, len(db))].copy())
+    hips = db.skeleton.roles["hips"]
+    for r in np.flatnonzero(np.array(db.names) == name):
+        part = slice(int(db.starts[r]), int(db.stops[r]))
+        time = np.arange(part.stop - part.start)
+        found.poses.positions[part, hips, 1] += 3 * np.abs(np.sin(0.3 * time))
+        found.poses.positions[part, hips, 0] += time
+    return found
+
+
 def network(*sizes: int, seed: int = 0, activation: str = "relu") -> Network:
     """A network whose outputs are about as spread as its normalisation says."""
     rng = np.random.default_rng(seed)

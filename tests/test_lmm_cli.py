@@ -137,7 +137,7 @@ def test_a_phase_functioned_network_is_trained_and_told_of(
 ) -> None:
     """What is asked of its training, by a stand-in, and what is told of what comes of it."""
     pytest.importorskip("torch", reason="training needs torch: pip install 'motion-matching[train]'")
-    from lmm.training import train_pfnn
+    from lmm.training import train_locomotion
 
     made: list[Any] = []
 
@@ -149,7 +149,7 @@ def test_a_phase_functioned_network_is_trained_and_told_of(
         Path(f"{output}.jsonl").write_text(json.dumps(LINE) + "\n")
         return found
 
-    monkeypatch.setattr(train_pfnn, "train", stand_in)
+    monkeypatch.setattr(train_locomotion, "train", stand_in)
     out, own = tmp_path / "walk.pfnn", tmp_path / "own.toml"
     own.write_text("[pfnn]\nbatch = 7\n")
     asked = ["--model", "pfnn", "--preset", "quick", "--configuration", "holden-xl", "--config", own]

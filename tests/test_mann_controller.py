@@ -11,10 +11,11 @@ import pytest
 
 from lmm.locomotion import settings as settings_types
 from lmm.locomotion import trajectory
+from lmm.locomotion.labelling import labels_of
 from lmm.locomotion.settings import LocomotionSettings
 from lmm.mann import steps, steps_numpy
 from lmm.mann.controller import CHARACTER, PAST, STAGES, MannController
-from lmm.mann.frames import frames, labels_of
+from lmm.mann.frames import frames
 from lmm.mann.layout import to_axes
 from lmm.mann.model import MannModel
 from mm import build
@@ -307,7 +308,7 @@ def test_a_dog_stands_on_four_feet(data: Path) -> None:
     """REFERENCE 5's gate of 19; all four feet of a body that glides are held."""
     clip = data / "dog_mann/D1_010_KAN01_004.bvh"
     database = build.build(clip, schema="quadruped39", mirror=False)
-    found = frames(database, labels_of(database))
+    found = frames(database, labels_of(database, phase=False))
     model = gliding(mann_models.model(spread=1e-4, found=Description.of(database, rigs=False)))
     assert model.network.gate_sizes[0] == 19
     layout = model.layout

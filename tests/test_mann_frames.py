@@ -9,11 +9,12 @@ import pytest
 from features.labels import Labels
 from lmm.locomotion import settings as settings_types
 from lmm.locomotion import trajectory
+from lmm.locomotion.labelling import labels_of
 from lmm.locomotion.statistics import joint_weights
 from lmm.locomotion.window import GAITS
 from lmm.mann import steps
 from lmm.mann.controller import CHARACTER, PAST
-from lmm.mann.frames import Frames, frames, labels_of, wanted_speeds
+from lmm.mann.frames import Frames, frames, wanted_speeds
 from lmm.mann.layout import Layout
 from lmm.mann.statistics import statistics
 from mm.database import Database
@@ -140,7 +141,7 @@ def test_the_speed_wanted_is_that_of_the_second_to_come() -> None:
 
 
 def test_labels_of_a_database_are_its_contacts_and_gaits(database: Database) -> None:
-    labels = labels_of(database)
+    labels = labels_of(database, phase=False)
     assert labels.names == database.contact_roles and labels.phase is None
     np.testing.assert_array_equal(labels.contacts, database.contacts)
     np.testing.assert_allclose(labels.gait.sum(axis=1), 1, atol=1e-5)

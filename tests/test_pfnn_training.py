@@ -10,20 +10,19 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="training needs torch")
 
-from features.labels import label  # noqa: E402
 from lmm.evaluation.phase import free_run, joint_errors, windows  # noqa: E402
-from lmm.pfnn.labelling import labels_of  # noqa: E402
+from lmm.locomotion.labelling import labels_of  # noqa: E402
 from lmm.pfnn.model import PhaseModel  # noqa: E402
 from lmm.pfnn.spline import coefficients  # noqa: E402
 from lmm.training import pfnn_settings  # noqa: E402
 from lmm.training.checkpoint import Checkpoint  # noqa: E402
 from lmm.training.data import LIBRARIES  # noqa: E402
-from lmm.training.pfnn import WORK, PhaseData, PhaseStage, memory  # noqa: E402
-from lmm.training.phase_network import PhaseLayers  # noqa: E402
-from lmm.training.train_pfnn import train  # noqa: E402
+from lmm.training.locomotion import WORK  # noqa: E402
+from lmm.training.mixed_networks import PhaseLayers  # noqa: E402
+from lmm.training.pfnn import PhaseData, PhaseStage  # noqa: E402
+from lmm.training.train_locomotion import train  # noqa: E402
 from mm.database import Database  # noqa: E402
-from motion import kinematics  # noqa: E402
-from motion.errors import UserError  # noqa: E402
+from motion.errors import Note, UserError  # noqa: E402
 
 
 def settings(recipe: str = "ours", *, held_out: float = 0.3, seed: int = 0, **changes: object):
@@ -104,17 +103,6 @@ def test_dropout_leaves_a_share_and_draws_what_it_is_given() -> None:
     np.testing.assert_allclose(draw(1).mean(dim=0), whole.mean(dim=0), atol=0.1)
 
 
-def test_ranges_are_labelled_one_by_one(database, data) -> None:
-    assert len(data.labels) == len(database) and data.labels.names[0] == "left_heel"
-    start, stop = int(database.starts[1]), int(database.stops[1])
-    poses = database.poses[slice(start, stop)]
-    alone = label(
-        database.skeleton, 60.0, *kinematics.forward(database.skeleton, poses.positions, poses.rotations)
-    )
-    np.testing.assert_array_equal(data.labels.phase[start:stop], alone.phase)
-    np.testing.assert_array_equal(data.labels.contacts[start:stop], alone.contacts)
-
-
 def test_windows_stay_within_ranges_and_off_those_held_out(database, data) -> None:
     of_row = database.ranges()[data.frames.frame]
     for window in (1, 2, 30):
@@ -130,7 +118,7 @@ def test_windows_stay_within_ranges_and_off_those_held_out(database, data) -> No
 
 def test_the_vectors_take_the_memory_that_is_told(database, data) -> None:
     taken = data.frames.x.nbytes + data.frames.y.nbytes
-    told = memory(database, 4) - LIBRARIES - WORK
+    told = data.memory() - LIBRARIES - WORK
     assert taken < told < 1.1 * taken
 
 
@@ -234,15 +222,20 @@ def test_the_published_recipe_trains_too(database, tmp_path) -> None:
     assert np.isfinite(model.network.evaluate(np.zeros((1, model.layout.input_size)), [1.0])).all()
 
 
-def test_motion_without_a_gait_is_named(database) -> None:
-    """Somebody who is thrown about in the air."""
-    start, stop = int(database.starts[1]), int(database.stops[1])
-    thrown = replace(database, poses=database.poses[slice(0, len(database))].copy())
-    time, hips = np.arange(stop - start), database.skeleton.roles["hips"]
-    thrown.poses.positions[start:stop, hips, 1] += 3 * np.abs(np.sin(0.3 * time))
-    thrown.poses.positions[start:stop, hips, 0] += time
-    with pytest.raises(UserError, match=f"^clip {database.names[1]}: neither foot touches the ground"):
-        labels_of(thrown)
+def test_clips_without_a_gait_are_left_out_and_told(database, tmp_path) -> None:
+    """Somebody who is thrown about in the air, beside two who walk."""
+    thrown = lmm_models.thrown(database, "run")
+    three = replace(thrown, names=("run", "run", "straight", "walk"), mirrored=np.zeros(4, bool))
+    with pytest.warns(Note, match="^1 of 3 clips is left out.*run .neither foot touches the ground"):
+        model = train(three, tmp_path / "m", settings(iterations=2))
+    assert model.training["left_out"] == ["run"] and set(model.held_out) < {"straight", "walk"}
+    with pytest.warns(Note):
+        data = PhaseData(three, labels_of(three), model.held_out)
+    kept = three.ranges()[data.frames.frame]
+    assert {three.names[r] for r in kept} == {"straight", "walk"}
+    assert data.count() == len(data.starts(1))
+    with pytest.raises(UserError, match="a database of one clip"), pytest.warns(Note):
+        train(thrown, tmp_path / "n", settings())
 
 
 def test_a_database_that_does_not_do_is_one_line(database, tmp_path) -> None:

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from features.labels import Labels
 from mm.database import Database
 from motion import kinematics, quat
+
+from .labelling import kept
+from .window import Blocks, size
+
+Array = NDArray[np.float32]
+Frames = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,3 +53,29 @@ class Range:
         moving = quat.rotate(back[:-1, None], np.diff(world[:, 1:], axis=0)) * database.fps
         unrolled = kinematics.unroll(turned)[:, 1:]
         return Range(root, yaw, local[:, 1:], unrolled, moving.astype(np.float32))
+
+
+def of_all(
+    database: Database,
+    labels: Labels,
+    layout: Blocks,
+    vectors: Callable[[int, int], tuple[Array, Array, Frames]],
+) -> tuple[Array, Array, Frames]:
+    """Vectors x [M, I] and y [M, O] of all frames but the first and the last of each range, and which [M].
+
+    vectors gives those of the range from one frame to another. Ranges that are left out of the labels
+    (`lmm.locomotion.labelling`) have none. A ValueError where labels are of another number of frames.
+    """
+    if len(labels) != len(database):
+        raise ValueError(f"labels of {len(labels)} frames for a database of {len(database)}")
+    # Filled range by range: one array of all frames is the most that is held.
+    lengths = np.maximum(database.stops.astype(np.int64) - database.starts - 2, 0) * kept(database, labels)
+    count = int(lengths.sum())
+    x, y = (np.empty((count, size(blocks)), np.float32) for blocks in (layout.inputs, layout.outputs))
+    frame, at = np.empty(count, np.int64), 0
+    for start, length in zip(database.starts.tolist(), lengths.tolist(), strict=True):
+        if length:
+            rows = slice(at, at + length)
+            x[rows], y[rows], frame[rows] = vectors(start, start + length + 2)
+            at += length
+    return x, y, frame

@@ -41,6 +41,11 @@ def slices(**sizes: int) -> Mapping[str, slice]:
     return {name: slice(stop - sizes[name], stop) for name, stop in zip(sizes, stops, strict=True)}
 
 
+def size(blocks: Mapping[str, slice]) -> int:
+    """How many numbers a vector of such blocks has."""
+    return max(columns.stop for columns in blocks.values())
+
+
 def around(
     root: NDArray, yaw: NDArray, t: NDArray, offsets: NDArray
 ) -> tuple[NDArray, NDArray, NDArray[np.int64]]:

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from features import gait as gaits
 from features import trajectory as ground_plane
 from features.labels import Labels
 from mm.database import Database
-from motion import kinematics, springs
+from motion import springs
 
+from ..locomotion import ranges
 from ..locomotion.ranges import Range
 from ..locomotion.trajectory import interval
 from ..locomotion.window import FUTURE, PRESENT, around
@@ -39,41 +40,15 @@ class Frames:
     frame: NDArray[np.int64]
 
 
-def labels_of(database: Database) -> Labels:
-    """Labels without a phase of all frames, of two feet or four: the database's own contacts, and gaits.
-
-    Ranges are labelled one by one. A skeleton without hips or feet is a UserError.
-    """
-    names, contacts = database.contact_roles, np.asarray(database.contacts)
-    found = np.zeros((len(database), len(gaits.GAITS)), np.float32)
-    for start, stop in zip(database.starts.tolist(), database.stops.tolist(), strict=True):
-        part = slice(start, stop)
-        poses = database.poses[part]
-        world, _ = kinematics.forward(database.skeleton, poses.positions, poses.rotations)
-        gait = gaits.decide(database.skeleton, database.fps, world, names, contacts[part])
-        found[part] = gaits.weights(gait, database.fps)
-    return Labels(names, contacts, None, found)
-
-
 def frames(database: Database, labels: Labels) -> Frames:
     """Vectors of all frames but the first and the last of each range.
 
     labels are of all frames of the database; their gaits are the actions. Before a range begins and after it
-    ends, the root is taken to go on as it did there, facing where it faced.
+    ends, the root is taken to go on as it did there, facing where it faced. Ranges that the labels leave out
+    have none.
     """
-    if len(labels) != len(database):
-        raise ValueError(f"labels of {len(labels)} frames for a database of {len(database)}")
     layout = Layout(len(database.skeleton) - 1, len(labels.names))
-    parts = [
-        _range(database, labels, layout, int(start), int(stop))
-        for start, stop in zip(database.starts, database.stops, strict=True)
-        if stop - start > 2
-    ]
-    if not parts:
-        x, y = (np.zeros((0, size), np.float32) for size in (layout.input_size, layout.output_size))
-        return Frames(x, y, np.zeros(0, np.int64))
-    x, y, frame = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
-    return Frames(x, y, frame)
+    return Frames(*ranges.of_all(database, labels, layout, partial(_range, database, labels, layout)))
 
 
 def _range(

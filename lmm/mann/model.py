@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from mm.database import Database
 from mm.description import Description
 
 from ..locomotion.model import LocomotionModel
@@ -36,6 +37,6 @@ class MannModel(LocomotionModel):
         return {"experts": self.network.weight_bytes, "gate": 4 * self.network.gate_parameters}
 
 
-def end_effectors(description: Description) -> list[int]:
+def end_effectors(description: Description | Database) -> list[int]:
     """The joints whose velocities the gate sees, the ground root not counted: those of the contacts."""
     return [description.skeleton.role(role) - 1 for role in description.contact_roles]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from features.labels import Labels
 from mm.database import Database
 from motion import springs
 
+from ..locomotion import ranges
 from ..locomotion.ranges import Range
 from ..locomotion.trajectory import interval
 from ..locomotion.window import FUTURE, PRESENT, SAMPLES, SIDES, around
@@ -42,23 +44,12 @@ def frames(database: Database, labels: Labels, *, heights: Array | None = None) 
 
     labels are of all frames of the database. heights [T, 12, 3], metres over the root's, are those of the
     ground along the trajectory; flat by default. Before a range begins and after it ends, the root is taken
-    to go on as it did there, facing where it faced.
+    to go on as it did there, facing where it faced. Ranges that the labels leave out have none.
     """
-    if labels.phase is None or len(labels) != len(database):
-        raise ValueError(f"labels of {len(labels)} frames for a database of {len(database)}, with phases")
+    if labels.phase is None:
+        raise ValueError("labels without a phase")
     layout = Layout(len(database.skeleton) - 1, len(labels.names))
-    # Filled range by range: one array of all frames is the most that is held.
-    lengths = np.maximum(database.stops.astype(np.int64) - database.starts - 2, 0)
-    count = int(lengths.sum())
-    x, y = (np.empty((count, size), np.float32) for size in (layout.input_size, layout.output_size))
-    frame, at = np.empty(count, np.int64), 0
-    for start, length in zip(database.starts.tolist(), lengths.tolist(), strict=True):
-        if length:
-            rows = slice(at, at + length)
-            x[rows], y[rows], frame[rows] = _range(
-                database, labels, heights, layout, start, start + length + 2
-            )
-            at += length
+    x, y, frame = ranges.of_all(database, labels, layout, partial(_range, database, labels, heights, layout))
     return Frames(x, y, labels.phase[frame], frame)
 
 

@@ -8,52 +8,38 @@ from typing import Any, Literal
 
 from motion import config
 
-from .settings import PRESETS, RECIPES, Common, Schedule, StageSettings, check_names, check_range
+from .locomotion_settings import LocomotionStageSettings, LocomotionTraining
+from .settings import PRESETS, RECIPES, Optimiser, Schedule, check_names, check_range
 
 Configuration = Literal["holden", "holden-xl", "holden-xt"]
 CONFIGURATIONS: tuple[Configuration, ...] = ("holden", "holden-xl", "holden-xt")
 
 
 @dataclass(frozen=True, kw_only=True)
-class PhaseStageSettings(StageSettings):
+class PhaseStageSettings(LocomotionStageSettings):
     """How the network is trained; the defaults are the published recipe's (REFERENCE 4.2).
 
     Attributes
     ----------
-    window : frames that the network runs on its own output; 1 learns each frame by itself.
-    alone : share of the iterations, the first, in which each frame is learned by itself whatever the window.
-    optimiser : as `StageSettings` has it.
-    keep : share of a layer's inputs that dropout leaves.
     shrink : weight of the control points' mean square in the loss.
-    noise : how far off inputs are at most, in deviations of their block; each sample by another amount.
     phase_noise : how far off phases are, radians, as a deviation.
     """
 
     iterations: int = 2_500_000
     learning_rate: float = 1e-4
     schedule: Schedule = "constant"
-    optimiser: Literal["radam", "adamw", "adam"] = "adam"
-    hidden: tuple[int, ...] = (512, 512)
-    alone: float = 0.0
-    keep: float = 0.7
+    optimiser: Optimiser = "adam"
     shrink: float = 0.01
-    noise: float = 0.0
     phase_noise: float = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name, least, most in (
-            ("alone", 0, 1),
-            ("keep", 0.01, 1),
-            ("shrink", 0, 1e6),
-            ("noise", 0, 10),
-            ("phase_noise", 0, 10),
-        ):
+        for name, least, most in (("shrink", 0, 1e6), ("phase_noise", 0, 10)):
             check_range(name, getattr(self, name), least, most)
 
 
 @dataclass(frozen=True, kw_only=True)
-class PhaseTraining(Common):
+class PhaseTraining(LocomotionTraining):
     """How a phase-functioned network is trained.
 
     Attributes
@@ -67,8 +53,8 @@ class PhaseTraining(Common):
     pfnn: PhaseStageSettings = field(default_factory=PhaseStageSettings)
 
     @property
-    def longest(self) -> int:
-        return self.pfnn.window + 2  # a range's first and last frame have no vectors
+    def stage(self) -> PhaseStageSettings:
+        return self.pfnn
 
 
 def preset(recipe: str = "ours", name: str = "full", configuration: str = "holden") -> PhaseTraining:

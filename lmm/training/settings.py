@@ -11,8 +11,8 @@ from motion import config
 from motion.config import ConfigError, choices, shown
 from motion.errors import UserError
 
-Schedule = Literal["step", "cosine", "constant"]
-Optimiser = Literal["radam", "adamw", "adam"]
+Schedule = Literal["step", "cosine", "restarts", "constant"]
+Optimiser = Literal["radam", "adamw", "adamwr", "adam"]
 Precision = Literal["float32", "bfloat16"]
 Device = Literal["cpu", "cuda"]
 Recipe = Literal["ours", "reference"]
@@ -32,9 +32,10 @@ class StageSettings:
     window : frames of a window.
     learning_rate : at its highest.
     schedule : "step" takes 1 % off the rate every 1,000 iterations, "cosine" lets it fall to 0 at the end,
-        "constant" keeps it.
+        "restarts" four times, over 1, 2, 4 and 8 fifteenths of the iterations; "constant" keeps it.
     warm_up : share of the iterations in which the rate rises from 0.
-    optimiser : "adamw" keeps the largest second moment (amsgrad) and decays weights by 1e-3.
+    optimiser : "adamw" keeps the largest second moment (amsgrad) and decays weights by 1e-3; "adamwr", for
+        restarts, by 2.5e-3 over the root of the iterations from one to the next (REFERENCE 5).
     hidden : widths of the hidden layers.
     average : decay of the exponential average of the weights, which takes their place; 0 for none.
     clip : longest gradient, longer ones are shortened; 0 for no limit.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from mm.database import Database
 from motion.errors import UserError
 
@@ -9,19 +11,20 @@ from .randomness import generator
 from .settings import Common
 
 
-def held_out(database: Database, settings: Common) -> tuple[str, ...]:
+def held_out(database: Database, settings: Common, *, left_out: Collection[str] = ()) -> tuple[str, ...]:
     """Names of whole clips that make about settings.held_out of the frames, by settings.seed; at least one.
 
-    A clip's mirrored copy goes with it. Where one part would have no clip that is as long as the longest
-    window, a UserError says so.
+    A clip's mirrored copy goes with it. Clips that are left out anyway do not count. Where one part would
+    have no clip that is as long as the longest window, a UserError says so.
     """
     longest = settings.longest
     lengths = database.stops - database.starts
-    frames = {name: 0 for name in database.names}
+    frames = {name: 0 for name in database.names if name not in left_out}
     fits = dict.fromkeys(frames, False)
     for name, length in zip(database.names, lengths.tolist(), strict=True):
-        frames[name] += length
-        fits[name] |= length >= longest
+        if name in frames:
+            frames[name] += length
+            fits[name] |= length >= longest
     if not any(fits.values()):
         what = f"no clip is as long as a window, {longest} frames"
         raise UserError(f"too small a database: {what}", remedy="build one of longer clips")

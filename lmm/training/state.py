@@ -14,7 +14,7 @@ from torch import Tensor, nn
 from motion.errors import UserError
 
 from .checkpoint import Checkpoint, Errors
-from .optimiser import optimiser, rate
+from .optimiser import groups, optimiser
 from .stage import Stage
 
 SMOOTHING = 100  # iterations that a logged loss is averaged over
@@ -46,7 +46,7 @@ class State:
         for module in self._modules:
             module.train()
         for group in self._optimiser.param_groups:
-            group["lr"] = rate(settings, self.iteration)
+            group.update(groups(settings, self.iteration))
         terms = self.stage.loss(self.iteration)
         stacked = torch.stack(list(terms.values()))
         values = stacked.detach().tolist()

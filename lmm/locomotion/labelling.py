@@ -1,0 +1,133 @@
+"""Labels of a database's frames, each range labelled as the clip that it is."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from features import contacts as touching
+from features import gait as gaits
+from features.labels import GAITS, Labels, label
+from mm.database import Database
+from motion import kinematics
+from motion.errors import Note, UserError
+
+NAMED = 5  # clips of a remark
+
+_REMEDY = "build a database of motion that can be, or correct the labels by hand and give --labels"
+
+
+@dataclass(frozen=True, eq=False)
+class DatabaseLabels(Labels):
+    """Labels of all frames of a database.
+
+    Attributes
+    ----------
+    left_out : names of clips that cannot be labelled, and why: what their frames have here says nothing.
+    """
+
+    left_out: Mapping[str, str] = field(default_factory=dict)
+
+
+def kept(database: Database, labels: Labels) -> NDArray[np.bool_]:
+    """Which ranges [R] of a database its labels say something of."""
+    left_out = labels.left_out if isinstance(labels, DatabaseLabels) else {}
+    return np.array([name not in left_out for name in database.names], bool)
+
+
+def labels_of(
+    database: Database, *, phase: bool = True, given: Mapping[str, Labels] | None = None
+) -> DatabaseLabels:
+    """Labels of all frames.
+
+    With a phase, of two feet, contacts are found anew, of heels and toes. Without one, of two feet or four,
+    they are the database's own. given are labels to take in place of those found, by names of clips
+    (`lmm.locomotion.given_labels`); where they have no phase their contacts tell it.
+
+    Clips that cannot be labelled, such as those without a gait that can be walked where there is to be a
+    phase, are left out, and a `motion.errors.Note` tells which; where nothing is left, or what touches the
+    ground is not what the database says, that is a UserError.
+    """
+    found: dict[int, Labels] = {}
+    left_out: dict[str, str] = {}
+    for r, name in enumerate(database.names):
+        try:
+            own = (given or {}).get(name)
+            found[r] = _range(database, r, phase) if own is None else _given(database, r, phase, own)
+        except UserError as error:
+            left_out.setdefault(name, error.what)
+    kept = {r: labels for r, labels in found.items() if database.names[r] not in left_out}
+    count = len(set(database.names))
+    if not kept:
+        alone = len(left_out) == 1
+        what = f"none of {count} clips can be labelled: {_told(left_out)}" if not alone else _told(left_out)
+        raise UserError(what, remedy=_REMEDY)
+    if left_out:
+        are = "is" if len(left_out) == 1 else "are"
+        line = f"{len(left_out)} of {count} clips {are} left out, without labels: {_told(left_out)}"
+        warnings.warn(line, Note, stacklevel=2)
+    return _joined(database, kept, phase, left_out)
+
+
+def _range(database: Database, r: int, phase: bool) -> Labels:
+    """Labels of a range, found in its motion."""
+    positions, rotations = _world(database, r)
+    if phase:
+        return label(database.skeleton, database.fps, positions, rotations)
+    names = database.contact_roles
+    contacts = np.asarray(database.contacts[database.starts[r] : database.stops[r]])
+    gait = gaits.decide(database.skeleton, database.fps, positions, names, contacts)
+    return Labels(names, contacts, None, gaits.weights(gait, database.fps))
+
+
+def _given(database: Database, r: int, phase: bool, own: Labels) -> Labels:
+    """Labels of a range that somebody gave, as those of `_range` are."""
+    if database.mirrored[r]:
+        own = own.mirrored()
+    if not phase:
+        return Labels(database.contact_roles, own.of_parts(database.contact_roles).contacts, None, own.gait)
+    names = touching.parts(database.skeleton, _world(database, r)[0])
+    return own.of_parts(names) if own.phase is not None else own.of_parts(names).rephased(database.fps)
+
+
+def _world(database: Database, r: int) -> tuple[NDArray, NDArray]:
+    poses = database.poses[slice(int(database.starts[r]), int(database.stops[r]))]
+    return kinematics.forward(database.skeleton, poses.positions, poses.rotations)
+
+
+def _joined(
+    database: Database, kept: Mapping[int, Labels], phase: bool, left_out: Mapping[str, str]
+) -> DatabaseLabels:
+    names = next(iter(kept.values())).names
+    if any(one.names != names for one in kept.values()):
+        what = "what touches the ground is not the same in all clips"
+        raise UserError(what, remedy="build a database of clips that walk alike")
+    unknown = [role for role in database.contact_roles if role not in names]
+    if unknown:
+        what = f"its contact {unknown[0]!r} is none of {', '.join(names)}"
+        raise UserError(f"a database that cannot be labelled: {what}", remedy="build one of people who walk")
+    contacts = np.zeros((len(database), len(names)), np.uint8)
+    turns = np.zeros(len(database), np.float32) if phase else None
+    gait = np.zeros((len(database), len(GAITS)), np.float32)
+    for r, one in kept.items():
+        part = slice(int(database.starts[r]), int(database.stops[r]))
+        contacts[part], gait[part] = one.contacts, one.gait
+        if turns is not None:
+            turns[part] = one.phase
+    return DatabaseLabels(names, contacts, turns, gait, left_out=left_out)
+
+
+def _told(left_out: Mapping[str, str]) -> str:
+    """Clips by what is wrong with them, in a line."""
+    reasons: dict[str, list[str]] = {}
+    for name, why in left_out.items():
+        reasons.setdefault(why, []).append(name)
+    parts = []
+    for why, names in reasons.items():
+        more = f" and {len(names) - NAMED} more" * (len(names) > NAMED)
+        parts.append(f"{', '.join(names[:NAMED])}{more} ({why})")
+    return "; ".join(parts)

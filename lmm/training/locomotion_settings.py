@@ -1,0 +1,44 @@
+"""How networks that a trajectory drives are trained: what their settings have in common."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from .settings import Common, StageSettings, check_range
+
+
+@dataclass(frozen=True, kw_only=True)
+class LocomotionStageSettings(StageSettings):
+    """How the network is trained.
+
+    Attributes
+    ----------
+    window : frames that the network runs on its own output; 1 learns each frame by itself.
+    alone : share of the iterations, the first, in which each frame is learned by itself whatever the window.
+    keep : share of a layer's inputs that dropout leaves.
+    noise : how far off inputs are at most, in deviations of their block; each sample by another amount.
+    """
+
+    hidden: tuple[int, ...] = (512, 512)
+    alone: float = 0.0
+    keep: float = 0.7
+    noise: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name, least, most in (("alone", 0, 1), ("keep", 0.01, 1), ("noise", 0, 10)):
+            check_range(name, getattr(self, name), least, most)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LocomotionTraining(Common):
+    """How a network is trained that a trajectory drives."""
+
+    @property
+    def stage(self) -> LocomotionStageSettings:
+        """The training of the network."""
+        raise NotImplementedError
+
+    @property
+    def longest(self) -> int:
+        return self.stage.window + 2  # a range's first and last frame have no vectors

@@ -1,0 +1,65 @@
+"""Training of a mode-adaptive network (REFERENCE 5)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from lmm.locomotion.statistics import joint_weights
+from lmm.mann.frames import Frames, frames
+from lmm.mann.layout import Layout
+from lmm.mann.model import end_effectors
+
+from .locomotion import JOINTS, LocomotionData, LocomotionStage
+from .mann_settings import MannStageSettings, MannTraining
+from .mixed_networks import ExpertLayers
+
+
+@dataclass(eq=False)
+class MannData(LocomotionData):
+    """A database's frames, of two feet or four."""
+
+    @property
+    def layout(self) -> Layout:
+        return Layout(len(self.database.skeleton) - 1, len(self.labels.names))
+
+    @cached_property
+    def frames(self) -> Frames:
+        return frames(self.database, self.labels)
+
+
+class MannStage(LocomotionStage):
+    """The experts and their gate."""
+
+    network: ExpertLayers
+
+    def __init__(self, data: MannData, settings: MannTraining) -> None:
+        how, layout = lasting(settings.mann, data.count()), data.layout
+        network = ExpertLayers(
+            (layout.input_size, *how.hidden, layout.output_size),
+            layout.gate_columns(end_effectors(data.database)),
+            experts=how.experts,
+            hidden=how.gate,
+            seed=settings.seed,
+            name="mann",
+        )
+        super().__init__(data, network, name="mann", settings=settings, how=how, joint_scale=how.joint_scale)
+
+    def begin(self) -> None:
+        super().begin()
+        # The gate sees joints as it sees what is asked, whatever they count for the experts.
+        layout, weights = self._data.layout, joint_weights(self._data.database.skeleton)
+        scale = np.ones(layout.input_size, np.float32)
+        velocities = np.repeat(weights, JOINTS["velocities"])
+        scale[layout.inputs["velocities"]] = np.where(velocities > 0, self._joint_scale, 1)
+        self.network.heed(1 / scale[self.network.gate_columns.cpu().numpy()])
+
+
+def lasting(settings: MannStageSettings, frames: int) -> MannStageSettings:
+    """Settings with as many iterations as their epochs come to on so many frames, if they have any."""
+    if not settings.epochs:
+        return settings
+    return replace(settings, iterations=max(math.ceil(settings.epochs * frames / settings.batch), 1))

@@ -1,0 +1,108 @@
+"""How mode-adaptive networks are trained: settings, and two recipes in three sizes."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from motion import config
+
+from .locomotion_settings import LocomotionStageSettings, LocomotionTraining
+from .settings import PRESETS, RECIPES, Optimiser, Schedule, check_names, check_range
+
+
+@dataclass(frozen=True, kw_only=True)
+class MannStageSettings(LocomotionStageSettings):
+    """How the network is trained; the defaults are the published recipe's (REFERENCE 5).
+
+    Attributes
+    ----------
+    epochs : passes over the frames that are trained on, which then say how many iterations; 0 for none.
+    experts : K, how many weight sets there are.
+    gate : width of the gate's two hidden layers.
+    joint_scale : what an input's joint counts, against the trajectory; for the gate it is 1 at first.
+    """
+
+    learning_rate: float = 1e-4
+    schedule: Schedule = "restarts"
+    optimiser: Optimiser = "adamwr"
+    epochs: int = 150
+    experts: int = 4
+    gate: int = 32
+    joint_scale: float = 1.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name, least, most in (
+            ("epochs", 0, 1_000_000),
+            ("experts", 1, 64),
+            ("gate", 1, 16_384),
+            ("joint_scale", 1e-6, 1e6),
+        ):
+            check_range(name, getattr(self, name), least, most)
+
+
+@dataclass(frozen=True, kw_only=True)
+class MannTraining(LocomotionTraining):
+    """How a mode-adaptive network is trained.
+
+    Attributes
+    ----------
+    mann : the training of the network.
+    """
+
+    mann: MannStageSettings = field(default_factory=MannStageSettings)
+
+    @property
+    def stage(self) -> MannStageSettings:
+        return self.mann
+
+
+def preset(recipe: str = "ours", name: str = "full") -> MannTraining:
+    """The settings of a recipe in a size; an unknown one is a UserError that lists those known.
+
+    "reference" is the published recipe (REFERENCE 5): 150 passes over the data in batches of 32. "quick"
+    takes less than half an hour on one core, "full" three times as long where the recipe is ours; "smoke"
+    seconds, to see that all of it runs.
+    """
+    names: dict[str, Any] = {"recipe": recipe, "preset": name}
+    check_names(names, {"recipe": RECIPES, "preset": PRESETS})
+    return replace((_ours if recipe == "ours" else _reference)(name), **names)
+
+
+def _reference(name: str) -> MannTraining:
+    if name == "full":
+        return MannTraining(mann=MannStageSettings(evaluate=5_000))
+    iterations = {"quick": 60_000, "smoke": 30}[name]
+    evaluate = max(iterations // 50, 15)
+    return MannTraining(mann=MannStageSettings(epochs=0, iterations=iterations, evaluate=evaluate))
+
+
+def _ours(name: str) -> MannTraining:
+    """Larger batches at a higher rate that falls to 0, averaged weights, products of bfloat16; inputs that
+    are a little off, and a few frames on the network's own output, so that it finds back into the motion."""
+    iterations = {"full": 60_000, "quick": 20_000, "smoke": 30}[name]
+    stage = MannStageSettings(
+        epochs=0,
+        iterations=iterations,
+        batch=128,
+        window=4,
+        learning_rate=1e-3,
+        schedule="cosine",
+        optimiser="adam",
+        warm_up=0.02,
+        average=0.999,
+        clip=1.0,
+        evaluate=max(iterations // 50, 15),
+        alone=0.6,
+        keep=1.0,
+        noise=0.5,
+        joint_scale=0.1,
+    )
+    return MannTraining(precision="bfloat16", mann=stage)
+
+
+def load(path: str | os.PathLike[str], base: MannTraining) -> MannTraining:
+    """Settings of a TOML file; what it leaves out is as in base. Faults are UserErrors with file and line."""
+    return config.load(MannTraining, path, base=base)
