@@ -93,6 +93,31 @@ def resting_heights(
     return heights
 
 
+def relative_error(truth: Array, found: Array) -> Array:
+    """The thesis's error |t - p| / |t| [...] of joint positions [..., 3]; 0.01 is an error of 1 %.
+
+    Formula 3.1 there, whose mean over joints and frames is a file's. Positions are in the space of a root on
+    the ground, so what is far from it counts less: the same centimetre is less of a head than of a foot.
+    """
+    truth = np.asarray(truth, np.float64)
+    away = np.linalg.norm(np.asarray(found, np.float64) - truth, axis=-1)
+    return away / np.maximum(np.linalg.norm(truth, axis=-1), 1e-6)
+
+
+def significance(a: ArrayLike, b: ArrayLike) -> float:
+    """The thesis's measure of how two series differ: 2 |mean a - mean b| / (sd a + sd b), its formula 3.2.
+
+    That is the difference of the means in mean standard deviations, those of samples. NaN where a series has
+    fewer than two numbers.
+    """
+    a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
+    if min(a.size, b.size) < 2:
+        return float("nan")
+    spread = a.std(ddof=1) + b.std(ddof=1)
+    apart = 2 * abs(a.mean() - b.mean())
+    return float(apart / spread) if spread > 0 else (float("inf") if apart > 0 else 0.0)
+
+
 def _steps(feet: Array, fps: float, rest: ArrayLike) -> tuple[Array, Array]:
     """Horizontal speed [T-1, ..., C] (m/s) of each step between frames, and height above rest [T, ..., C]."""
     feet = np.asarray(feet, np.float64)
@@ -163,6 +188,30 @@ def glide_share(feet: Array, root: Array, fps: float, *, speed: float = 0.3, sha
     travel = root_speed(root, fps)
     under = root_speed(feet - root[..., None, :], fps).max(axis=-1)
     return float(((travel > speed) & (under < share * travel)).mean())
+
+
+def longest_stall(
+    feet: Array, root: Array, asked: Array, fps: float, *, speed: float = 0.3, share: float = 0.25
+) -> float:
+    """Seconds for which a character that was asked to go did not step, the longest time of all.
+
+    feet [T, ..., C, 3] and root [T, ..., 2] in the world, metres; asked [T, ..., 2], velocities, m/s. Who
+    steps moves a foot against the root, about as fast as it is asked to go. A frame is without a step when
+    more than speed (m/s) is asked for and every foot's horizontal velocity relative to the root is below
+    share of that; averages over half a second. A network that died out stands, or is carried along in one
+    pose: both show. NaN without feet.
+    """
+    feet = np.asarray(feet, np.float64)[..., [0, 2]]
+    if feet.size == 0:
+        return float("nan")
+    under = root_speed(feet - np.asarray(root, np.float64)[..., None, :], fps, seconds=0.5).max(axis=-1)
+    wanted = np.linalg.norm(np.asarray(asked, np.float64), axis=-1)
+    stalled = ((wanted > speed) & (under < share * wanted)).reshape(len(feet), -1)
+    run, longest = np.zeros(stalled.shape[1], np.int64), 0
+    for frame in stalled:
+        run = np.where(frame, run + 1, 0)
+        longest = max(longest, int(run.max()))
+    return longest / fps
 
 
 def smooth(values: Array, fps: float, seconds: float = SMOOTHING) -> Array:
@@ -264,6 +313,7 @@ class TrajectoryErrors:
 
     mean_cm: float
     p95_cm: float
+    max_cm: float
     heading_deg: float
 
 
@@ -283,9 +333,10 @@ def trajectory_error(
     """
     heading = float(np.degrees(np.abs(wrap(np.asarray(yaws) - command_yaw)).mean()))
     if path is None:
-        return TrajectoryErrors(float("nan"), float("nan"), heading)
+        return TrajectoryErrors(float("nan"), float("nan"), float("nan"), heading)
     distance = 100 * nearest_on_path(positions, path, window=window)[0]
-    return TrajectoryErrors(float(distance.mean()), float(np.percentile(distance, 95)), heading)
+    furthest = float(distance.max())
+    return TrajectoryErrors(float(distance.mean()), float(np.percentile(distance, 95)), furthest, heading)
 
 
 def command_path(command_velocity: Array, start: ArrayLike, fps: float) -> Array:

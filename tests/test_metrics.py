@@ -303,3 +303,50 @@ def test_real_clips_skate_little_and_sped_up_ones_more(data, name):
     assert metrics.foot_skate(faster, clip.fps, rest) > 1.15 * skate
     assert metrics.glide_share(feet, hips[:, [0, 2]], clip.fps) < 0.02
     assert metrics.skate_ratio(faster, clip.fps, rest) >= metrics.skate_ratio(feet, clip.fps, rest)
+
+
+def test_relative_error_is_the_share_of_the_distance_from_the_root():
+    truth = np.array([[[0.0, 1.0, 0.0], [0.0, 0.0, 2.0]], [[0.0, 1.0, 0.0], [3.0, 0.0, 4.0]]])
+    found = truth.copy()
+    found[0, 0, 0], found[1, 1, 1] = 0.1, 1
+    np.testing.assert_allclose(metrics.relative_error(truth, found), [[0.1, 0], [0, 0.2]])
+    assert np.isfinite(metrics.relative_error(np.zeros((1, 3)), np.ones((1, 3)))).all()
+
+
+def test_significance_is_that_of_the_thesis():
+    # Laps of HOLDEN-XL and HOLDEN-XT have means 0.499 and 0.382, deviations 0.0161 and 0.0167: 7.1.
+    def laps(mean, sd):
+        return mean + sd * np.array([1.0, -1.0] * 9 + [0.0])
+
+    assert metrics.significance(laps(0.499, 0.0161), laps(0.382, 0.0167)) == pytest.approx(7.1, abs=0.05)
+    assert metrics.significance([0.0, 2.0], [3.0, 5.0]) == pytest.approx(3 / np.sqrt(2))
+    assert metrics.significance([1, 1], [1, 1]) == 0
+    assert metrics.significance([1, 1], [2, 2]) == np.inf
+    assert np.isnan(metrics.significance([1], [1, 2]))
+
+
+def walking(speed: float, steps: float, frames: int = 301) -> tuple[np.ndarray, np.ndarray]:
+    """Feet [T, 2, 3] that swing by turns, and a root [T, 2] that moves along z at a speed."""
+    time = np.arange(frames) / FPS
+    root = np.stack([np.zeros(frames), speed * time], axis=-1)
+    swing = steps * np.stack([np.sin(2 * np.pi * time), -np.sin(2 * np.pi * time)], axis=-1)
+    feet = np.zeros((frames, 2, 3))
+    feet[..., 2] = root[:, None, 1] + swing
+    return feet, root
+
+
+@pytest.mark.parametrize(("speed", "steps", "stalls"), [(1, 0.3, False), (1, 0, True), (0, 0, True)])
+def test_who_is_carried_along_or_stands_has_stalled(speed, steps, stalls):
+    feet, root = walking(speed, steps)
+    asked = np.tile([0.0, 1.0], (len(root), 1))
+    found = metrics.longest_stall(feet, root, asked, FPS)
+    assert found == 301 / FPS if stalls else found < 0.2
+    asked[:100] = 0  # nothing is asked for at first, and for a moment later
+    asked[200] = 0
+    found = metrics.longest_stall(feet, root, asked, FPS)
+    assert found == 100 / FPS if stalls else found < 0.2
+    two = metrics.longest_stall(
+        np.stack([feet, feet], 1), np.stack([root, root], 1), np.stack([asked, 0 * asked], 1), FPS
+    )
+    assert two == found
+    assert np.isnan(metrics.longest_stall(feet[:, :0], root, asked, FPS))
