@@ -336,11 +336,15 @@ def test_curves(tmp_path: Path) -> None:
     for log in logs:
         log.write_text(json.dumps(LINE) + "\n" + json.dumps(LINE | {"seconds": 180.0}) + "\n")
     result = _lmm("curves", *logs, "-o", tmp_path / "curves.png")
-    assert result.exit_code == 0 and result.stdout == f"wrote {tmp_path / 'curves.png'}\n"
+    told = "projector: a.lmm reaches b.lmm's last held-out error of 2 cm after 1.5 minutes"
+    assert result.exit_code == 0 and result.stdout.startswith(told)
+    assert result.stdout.endswith(f"\nwrote {tmp_path / 'curves.png'}\n")
     assert (tmp_path / "curves.png").read_bytes().startswith(b"\x89PNG")
     result = _lmm("curves", *logs, "-o", tmp_path / "curves.svg", "--names", "ours,the reference")
     text = (tmp_path / "curves.svg").read_text()
     assert result.exit_code == 0 and ">ours<" in text and ">the reference<" in text
+    (race,) = json.loads(_lmm("curves", *logs, "-o", tmp_path / "c.png", "--json").stdout)["races"]
+    assert (race["stage"], race["value"], race["minutes"]) == ("projector", 2.0, 1.5)
     assert "1 names of 2 logs" in _fails("curves", *logs, "-o", tmp_path / "x.png", "--names", "ours")
     assert "unknown form of picture" in _fails("curves", *logs, "-o", tmp_path / "x.gif")
     (tmp_path / "bad.jsonl").write_text("{}\n")
