@@ -397,14 +397,14 @@ class Controller:
             self.characters, self._required, self._forbidden, self._feet, self._offsets, self._contacts,
             self._planted, self._trajectory, self._history, self._queries, self._played, self._candidates,
             self._cost_current, self._cost_candidate, self._moved,
-            *self._playing.arrays().values(), *self._shown.arrays().values(), self._rotations, self.state,
+            *self._playing.arrays().values(), *self._shown.arrays().values(), self._rotations,
         )  # fmt: skip
         parts: dict[str, int] = {}
         for stage in (self.stages.projection, self.stages.stepping, self.stages.decompression):
             parts |= stage.memory()
         return parts | {
             "statistics": sum(array.nbytes for array in self._normalisation),
-            "state": sum(one.nbytes for one in held) // self.count,
+            "state": (sum(array.nbytes for array in held) + self.state.nbytes) // self.count,
         }
 
 
