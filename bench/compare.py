@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from lmm.models import AnyModel
 
 TIMED_SECONDS, REPEATS = 5.0, 3
-WORST = ("pop_cm",)  # of these a system's summary row has the largest, of all other metrics the mean
+WORST = ("pop_cm", "path_max_cm", "stall_s")  # a system's row has the largest, of other metrics the mean
 DATA = "(the clips)"
 NEAR_SECONDS = 0.5  # by which two walks may be out of step
 KEPT = 8  # ways of a course, the last ones, that are tried before the driver is asked

@@ -119,6 +119,7 @@ def judge(
         "airborne_share": metrics.airborne_share(standing, feet.rest),
         "path_cm": errors.mean_cm,
         "path_p95_cm": errors.p95_cm,
+        "path_max_cm": errors.max_cm,
         "heading_deg": errors.heading_deg,
         "speed_response_s": response.speed_s,
         "heading_response_s": response.heading_s,
@@ -132,6 +133,7 @@ def judge(
         "transitions_per_s": float("nan") if jumps is None else float(transition.mean() * fps),
         "speed_mps": float(metrics.root_speed(root, fps).mean()),
         "speed_ratio": metrics.speed_ratio(root, asked, fps),
+        "stall_s": metrics.longest_stall(standing, root, asked, fps),
     }
     skate = metrics.skate(standing, fps, feet.rest)[:, 0]
     skate = skate.mean(axis=-1) if feet.joints else np.full(len(skate), np.nan)

@@ -307,7 +307,7 @@ def test_extremes_by_hand(database, exact):
     poses = Poses.empty(2, joints)
     for mine, its in zip(poses.arrays().values(), database.poses[[0, 5]].arrays().values(), strict=True):
         mine[:] = its
-    seen = driving.Extremes(model, database)
+    seen = driving.Extremes(database, model.state_low, model.state_high)
     inside = np.array([[1, 0, 3], [2, 1, 3]], np.float32)
     assert seen.see(inside, poses, 60)
     assert seen.bone == 0 and seen.speed == 0 and seen.excess().max() == 0 and seen.outside == -1
@@ -327,6 +327,7 @@ def test_extremes_by_hand(database, exact):
 
 def test_what_stands_still_lasts_and_what_grows_is_caught(database, exact):
     calm = driving.endure(exact, database, seconds=4, characters=2)
+    assert 0 <= calm["stall_s"] <= 4
     assert calm["finite"] and calm["minutes"] == pytest.approx(4 / 60) and calm["broken_s"] is None
     assert calm["bone_excess_cm"] < 0.01 and calm["speed_mps"] <= 1.5 * calm["data_speed_mps"]
     state = exact.F + exact.L

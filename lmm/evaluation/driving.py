@@ -19,7 +19,7 @@ from mm.database import Database
 from mm.driving import Clock, at_data_speeds, drive, natural_seconds
 from mm.nearness import RealPoses
 from mm.settings import Settings
-from motion import console
+from motion import console, contacts
 from motion.errors import UserError
 from motion.pose import Poses
 
@@ -29,6 +29,7 @@ MIXED = ("circle", "start-stop", "random")  # courses of the table of all mixtur
 MARGIN = 0.5  # of a column's range, that a state may lie beyond it
 LOOSE_CM = 1.0  # that a bone may be longer or shorter than it ever is in the data
 HASTE = 1.5  # times the fastest of the data that a root may move
+WORST = ("pop_cm", "path_max_cm", "stall_s")  # of these a system's row has the largest of its courses
 
 
 class Judge:
@@ -102,7 +103,7 @@ def systems(
 
 
 def summary(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """A row a system: means over its courses of what has a number there, the largest pop of all, and on how
+    """A row a system: means over its courses of what has a number there, of `WORST` the largest, and on how
     many it broke, if on any."""
     systems = list(dict.fromkeys(row["system"] for row in rows))
     out = []
@@ -113,8 +114,9 @@ def summary(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
         )
         row: dict[str, Any] = {"system": system, "courses": len(mine)}
         row |= {key: metrics.nanmean([each.get(key, np.nan) for each in mine]) for key in numbers}
-        pops = [each["pop_cm"] for each in mine if np.isfinite(each.get("pop_cm", np.nan))]
-        row["pop_cm"] = max(pops, default=float("nan"))
+        for name in (name for name in WORST if any(name in each for each in mine)):
+            some = [each[name] for each in mine if np.isfinite(each.get(name, np.nan))]
+            row[name] = max(some, default=float("nan"))
         if broke := sum("broke" in each for each in mine):
             row["broke"] = broke
         out.append(row)
@@ -127,10 +129,13 @@ def memory_mb(system: Controller) -> float:
 
 
 class Extremes:
-    """The furthest that states and poses of the steps seen so far went; see `endure`."""
+    """The furthest that states and poses of the steps seen so far went; see `endure`.
 
-    def __init__(self, model: Model, database: Database) -> None:
-        self._low, self._high = model.state_low, model.state_high
+    low, high [K] are the ranges of the states in the data.
+    """
+
+    def __init__(self, database: Database, low: Array, high: Array) -> None:
+        self._low, self._high = low, high
         lengths = bone_lengths(database.poses.positions)
         self._shortest, self._longest = lengths.min(axis=0), lengths.max(axis=0)
         velocity = database.poses.velocities[:, 0][:, [0, 2]]
@@ -142,7 +147,7 @@ class Extremes:
         self._before: Array | None = None
 
     def see(self, states: Array, poses: Poses, fps: float) -> bool:
-        """Take a step in: states [N, F + L] and poses [N]; whether all of it are numbers."""
+        """Take a step in: states [N, K] and poses [N]; whether all of it are numbers."""
         self.frames += 1
         arrays = (states, *poses.arrays().values())
         if not all(np.isfinite(array).all() for array in arrays):
@@ -162,7 +167,7 @@ class Extremes:
         return True
 
     def excess(self) -> NDArray[np.float64]:
-        """How far states went beyond the range of each column [F + L], as a share of the range; 0: not."""
+        """How far states went beyond the range of each column [K], as a share of the range; 0: not."""
         beyond = np.maximum(self.above - self._high, self._low - self.below)
         return np.maximum(beyond, 0) / self._span
 
@@ -187,20 +192,59 @@ def endure(
         of that range; at most 0.5 passes, and outside_s is when it was first exceeded.
     bone_excess_cm : the most that a bone was longer or shorter than ever in the data; at most 1 cm passes.
     speed_mps : the fastest of any root, at most 1.5 times that of the data, data_speed_mps.
+    stall_s : see `mm.metrics.longest_stall`.
     finite : whether all states and poses were numbers; broken_s, when they were not.
     """
     settings = Settings(foot_lock=model.description.legs is not None)
-    driven = controller(model, count=characters, settings=settings)
+    driven: Any = controller(model, count=characters, settings=settings)
+    return last(
+        driven,
+        database,
+        states=lambda: driven.state.values,  # of a `lmm.stages.LatentState`
+        ranges=(model.state_low, model.state_high),
+        columns=[_column(model, column) for column in range(len(model.state_low))],
+        seconds=seconds,
+        seed=seed,
+        progress=progress,
+    )
+
+
+def last(
+    driven: Any,
+    database: Database,
+    *,
+    states: Callable[[], Array],
+    ranges: tuple[Array, Array],
+    columns: Sequence[str],
+    loose_cm: float = LOOSE_CM,
+    seconds: float = 600.0,
+    seed: int = 1,
+    progress: Callable[..., Iterator[int]] = console.silent,
+) -> dict[str, Any]:
+    """What `endure` finds, of any system that tells its poses.
+
+    states gives what the system goes on from, [N, K], ranges the least and the most [K] of it in the data,
+    columns its names. Bones may be loose_cm longer or shorter than in the data.
+    """
+    characters, skeleton = driven.count, driven.skeleton
     course = queries.random_user(database, seconds * characters, seed=seed)
-    seen = Extremes(model, database)
+    seen = Extremes(database, *ranges)
     frames = max(1, round(seconds * driven.fps))
-    steps = drive(driven, Clock(course, characters, driven.fps, spread=True))
-    for _ in progress(iter(range(frames)), label="endurance", total=frames, unit="frames"):
+    clock = Clock(course, characters, driven.fps, spread=True)
+    joints, points = contacts.touching_points(skeleton, database.contact_roles)
+    feet = np.zeros((frames, characters, len(joints), 3), np.float32)
+    root = np.zeros((frames, characters, 2), np.float32)
+    steps = drive(driven, clock)
+    for frame in progress(iter(range(frames)), label="endurance", total=frames, unit="frames"):
         next(steps)
-        state: Any = driven.state  # a `lmm.stages.LatentState`
-        if not seen.see(state.values, driven.poses(), driven.fps):
+        poses = driven.poses()
+        if not seen.see(states(), poses, driven.fps):
             break
-    excess = seen.excess()
+        world = quality.world_transforms(skeleton, poses.positions, poses.rotations)
+        feet[frame] = contacts.place_points(*world, joints, points)
+        root[frame] = poses.positions[:, 0][:, [0, 2]]
+    excess, done = seen.excess(), len(clock.commands)
+    asked = np.stack([command.velocity for command in clock.commands])
     finite = seen.broken < 0
     return {
         "minutes": seen.frames / driven.fps / 60,
@@ -209,14 +253,15 @@ def endure(
         "broken_s": None if finite else seen.broken / driven.fps,
         "outside_s": None if seen.outside < 0 else seen.outside / driven.fps,
         "state_excess": float(excess.max()),
-        "state_excess_column": _column(model, int(excess.argmax())),
+        "state_excess_column": columns[int(excess.argmax())],
         "bone_excess_cm": seen.bone,
         "speed_mps": seen.speed,
         "data_speed_mps": seen.data_speed,
+        "stall_s": metrics.longest_stall(feet[:done], root[:done], asked, driven.fps),
         "passed": bool(
             finite
             and excess.max() <= MARGIN
-            and seen.bone <= LOOSE_CM
+            and seen.bone <= loose_cm
             and seen.speed <= HASTE * seen.data_speed
         ),
     }
