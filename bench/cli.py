@@ -104,8 +104,9 @@ def compare(
     With --model networks take the place of stages of motion matching, in all seven ways: lmm-PSD is learned
     projection, stepping and decompression, lmm-D the decompressor alone; lmm-D-free, by that name, does not
     hold the feet. A phase-functioned network runs as pfnn-cubic, pfnn-linear and pfnn-constant, a
-    mode-adaptive one as mann-4, by its experts. Every system's poses are then held against those of the data,
-    and those of mm-exact (or mm-exact-free, where only such run) under the same commands.
+    mode-adaptive one as mann-4, by its experts. lmm-PSD-bf16 and the like, by that name, multiply bfloat16
+    numbers as crowds may (`bench crowd`), where the processor can. Every system's poses are then held against
+    those of the data, and those of mm-exact (or mm-exact-free, where only such run) under the same commands.
     """
     from mm import course as known_courses
 

@@ -20,12 +20,11 @@ from motion import console
 from motion.errors import UserError
 
 from . import timing
-from .systems import called, without_legs
+from .systems import ENDINGS, called, without_legs
 
 if TYPE_CHECKING:
     from lmm.models import AnyModel
 
-ENDINGS = {"float32": "", "bfloat16": "-bf16"}
 NEVER = 1e6  # seconds between searches, metres a second per second: none but at a clip's end
 
 
@@ -91,7 +90,7 @@ def _systems(
     shared = build_index(database, index, often)
     search: dict[str, Callable[..., System]] = {f"mm-{index}": partial(Controller, database, index=shared)}
     networks: dict[str, Callable[..., System]] = {}
-    endings: dict[Any, str] = {name: ending for name, ending in ENDINGS.items() if name in products_here()}
+    endings = {name: ending for name, ending in ENDINGS.items() if name in products_here()}
     for name, model in models.items():
         model.check(database)
         for products, ending in endings.items():

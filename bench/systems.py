@@ -18,6 +18,7 @@ from mm.feet import joints_of_legs
 from motion.errors import UserError
 
 if TYPE_CHECKING:
+    from lmm.evaluator import Products
     from lmm.locomotion.model import LocomotionModel
     from lmm.model import Model
     from lmm.models import AnyModel
@@ -34,7 +35,8 @@ class Entry:
     """A named way to make a system of N characters from a database; family: the name up to the first dash.
 
     locked : whether it holds the feet, which takes whole legs. spare : whether it stands for a locked one
-    where legs are not whole, and elsewhere comes by its name or a pattern alone.
+    where legs are not whole, and elsewhere comes by its name or a pattern alone. asked : whether it comes by
+    its name or a pattern alone everywhere.
     """
 
     name: str
@@ -42,12 +44,14 @@ class Entry:
     about: str = ""
     locked: bool = False
     spare: bool = False
+    asked: bool = False
 
     @property
     def family(self) -> str:
         return self.name.split("-", 1)[0]
 
 
+ENDINGS: dict[Products, str] = {"float32": "", "bfloat16": "-bf16"}  # of names, by what is multiplied
 STAGES = {"P": "projection", "S": "stepping", "D": "decompression"}
 
 _REGISTERED: dict[str, Entry] = {}
@@ -140,21 +144,25 @@ def learned(models: Mapping[str, AnyModel]) -> list[Entry]:
     and NAME-constant, a mode-adaptive one of four experts NAME-4.
 
     NAME-D-free does not hold the feet; it comes by its name or a pattern, or where legs are not whole.
+    NAME-PSD-bf16, NAME-cubic-bf16 and so on multiply bfloat16 numbers, where the processor can, which pays in
+    crowds (see `bench.crowd`); they come by their names or a pattern, to show what that costs in quality.
     """
     from lmm.models import Model
 
     out = []
     for name, model in models.items():
-        ways = _mixtures(name, model) if isinstance(model, Model) else _networks(name, model)
-        for (ending, about, make), locked in product(ways, (True, False)):
-            about = about if locked else f"{about}, feet as they come"
-            out.append(
-                Entry(called(f"{name}-{ending}", locked), partial(make, locked), about, locked, not locked)
-            )
+        ways = _mixtures(model) if isinstance(model, Model) else _networks(model)
+        for (way, about, make), (products, ending), locked in product(ways, ENDINGS.items(), (True, False)):
+            if ending and isinstance(model, Model) and way != "PSD":
+                continue
+            about += f", products of {products} numbers" * bool(ending) + ", feet as they come" * (not locked)
+            title = called(f"{name}-{way}{ending}", locked)
+            made = partial(make, title, products, locked)
+            out.append(Entry(title, made, about, locked, not locked and not ending, bool(ending)))
     return out
 
 
-def _mixtures(name: str, model: Model) -> list[tuple[str, str, Callable[..., System]]]:
+def _mixtures(model: Model) -> list[tuple[str, str, Callable[..., System]]]:
     """Of each way to mix learned stages with others its letters, what it is, and what makes it."""
     from lmm.mixtures import COMBINATIONS
 
@@ -162,24 +170,25 @@ def _mixtures(name: str, model: Model) -> list[tuple[str, str, Callable[..., Sys
     out: list[tuple[str, str, Callable[..., System]]] = []
     for letters in filter(None, reversed(COMBINATIONS)):
         networks = " and ".join(word for letter, word in STAGES.items() if letter in letters)
-        out.append((letters, f"{networks} by networks", partial(_learned, name, model, letters, shared)))
+        out.append((letters, f"{networks} by networks", partial(_learned, model, letters, shared)))
     return out
 
 
-def _networks(name: str, model: LocomotionModel) -> list[tuple[str, str, Callable[..., System]]]:
+def _networks(model: LocomotionModel) -> list[tuple[str, str, Callable[..., System]]]:
     """Of each way to run a network of locomotion how its name ends, what it is, and what makes it."""
     from lmm.models import controllers
 
     return [
-        (ending, f"{model.kind}, {ending}", partial(_network, f"{name}-{ending}", model, make))
-        for ending, make in controllers(model).items()
+        (way, f"{model.kind}, {way}", partial(_network, model, make))
+        for way, make in controllers(model).items()
     ]
 
 
 def _network(
-    name: str,
     model: LocomotionModel,
     make: Callable[..., System],
+    name: str,
+    products: Products,
     locked: bool,
     database: Database,
     count: int,
@@ -190,14 +199,15 @@ def _network(
 
     model.check(database)
     settings = LocomotionSettings(foot_lock=locked)
-    return make(count=count, settings=settings, obstacles=obstacles, name=called(name, locked))
+    return make(count=count, settings=settings, obstacles=obstacles, products=products, name=name)
 
 
 def _learned(
-    name: str,
     model: Model,
     letters: str,
     shared: dict[str, Any],
+    name: str,
+    products: Products,
     locked: bool,
     database: Database,
     count: int,
@@ -222,7 +232,8 @@ def _learned(
         settings=settings,
         count=count,
         obstacles=obstacles,
-        name=called(f"{name}-{letters}", locked),
+        products=products,
+        name=name,
         **needed,
     )
 
@@ -247,7 +258,7 @@ def choose(
     patterns leave out who needs them. A pattern that fits nothing is a UserError that lists the choices.
     """
     known = entries(indexes, models)
-    usual = [e for e in known if not (e.spare if legs else e.locked)]
+    usual = [e for e in known if not e.asked and not (e.spare if legs else e.locked)]
     if patterns is None:
         return usual
     chosen = []

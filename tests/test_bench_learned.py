@@ -13,6 +13,7 @@ from click.testing import CliRunner
 from bench import crowd, report, systems
 from bench.cli import main
 from bench.compare import compare
+from lmm import lanes
 from lmm.evaluator import products_here
 from mm.build import build
 from mm.description import Description
@@ -154,10 +155,30 @@ def test_learned_systems_that_hold_no_feet_come_by_name(database, model):
     held = [f"lmm-{letters}" for letters in MIXTURES]
     assert names() == ["mm-exact", "mm-exact-free", *held] and names("lmm") == held
     assert names("lmm-SD-free", "mm-exact") == ["mm-exact", "lmm-SD-free"]
-    assert names("lmm-*-free") == [f"{name}-free" for name in held]
+    assert names("lmm-*-free") == ["lmm-PSD-free", "lmm-PSD-bf16-free", *(f"{n}-free" for n in held[1:])]
+    assert names("lmm-*-bf16") == ["lmm-PSD-bf16"] and names("lmm-PSD-bf16-free") == ["lmm-PSD-bf16-free"]
+    assert not any("bf16" in name for name in (*names(legs=False), *names("lmm", legs=False)))
     free = {entry.name: entry for entry in systems.learned({"lmm": model})}["lmm-PSD-free"]
     system = free.make(database, 1)
     assert system.name == "lmm-PSD-free" and not system.settings.foot_lock
+
+
+def test_bfloat16_products_are_compared_where_the_processor_has_them(database, model, monkeypatch):
+    def compared():
+        short = {"courses": ["still"], "seconds": 0.3, "timed_seconds": 0.1}
+        return compare(database, systems=["lmm-PSD", "lmm-*-bf16"], models={"lmm": model}, **short)
+
+    if "bfloat16" in products_here():
+        rows = compared().summary.set_index("system")
+        plain, rounded = rows.loc["lmm-PSD"], rows.loc["lmm-PSD-bf16"]
+        assert plain["memory_state_mb"] == rounded["memory_state_mb"]
+        assert plain["memory_projector_mb"] != rounded["memory_projector_mb"]
+        assert abs(plain["mm_cm"] - rounded["mm_cm"]) > 0
+    monkeypatch.setattr(lanes, "MULTIPLIES_PAIRS", False)
+    found = compared()
+    assert found.summary["system"].tolist()[1:] == ["lmm-PSD"]
+    told = "lmm-PSD-bf16 is left out: this processor does not multiply bfloat16 numbers"
+    assert any(note.startswith(told) for note in found.notes)
 
 
 def test_crowds_of_networks_stand_beside_motion_matching(database, model):
