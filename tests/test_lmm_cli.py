@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import lmm_models
+import mann_models
 import pfnn_models
 import pytest
 from click.testing import CliRunner, Result
@@ -16,9 +17,10 @@ from click.testing import CliRunner, Result
 from lmm import pretrained, summary
 from lmm.cli import main
 from lmm.controller import controller
+from lmm.mann.model import MannModel
 from lmm.model import Model
 from lmm.pfnn.model import PhaseModel
-from lmm.training import pfnn_settings
+from lmm.training import mann_settings, pfnn_settings
 from lmm.training import settings as training_settings
 from lmm.training.settings import Settings
 from mm.database import Database
@@ -169,6 +171,63 @@ def test_a_phase_functioned_network_is_trained_and_told_of(
     assert facts["kind"] == "pfnn" and "-".join(map(str, network.sizes)) in shown and "after 30 cm" in shown
 
     assert "give --model pfnn too" in _lmm("train", db, "-o", out, "--configuration", "holden").stderr
+
+
+def test_a_mode_adaptive_network_is_trained_and_told_of(
+    db: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Experts on the command line count more than those of a file; labels go with it."""
+    pytest.importorskip("torch", reason="training needs torch: pip install 'motion-matching[train]'")
+    from lmm.training import train_locomotion
+
+    made: list[Any] = []
+
+    def stand_in(database: Database, output: str, settings: Any, **options: Any) -> MannModel:
+        made.append((settings, options))
+        found = mann_models.model(experts=8)
+        found.save(output)
+        Path(f"{output}.jsonl").write_text(json.dumps(LINE) + "\n")
+        return found
+
+    monkeypatch.setattr(train_locomotion, "train", stand_in)
+    out, own = tmp_path / "walk.mann", tmp_path / "own.toml"
+    own.write_text("[mann]\nbatch = 7\nexperts = 2\n")
+    asked = ["--model", "mann", "--preset", "smoke", "--recipe", "reference", "--config", own]
+    result = _lmm("train", db, "-o", out, *asked, "--experts", 8, "--labels", tmp_path / "labels")
+    assert result.exit_code == 0, result.output
+    base = mann_settings.preset("reference", "smoke")
+    expected = dataclasses.replace(base, mann=dataclasses.replace(base.mann, batch=7, experts=8))
+    options = {"resume": False, "tensorboard": None, "labels": str(tmp_path / "labels")}
+    assert made == [(expected, options)]
+    assert json.loads(_lmm("info", out, "--json").stdout)["kind"] == "mann"
+
+    for more, message in (
+        (["--experts", 4], "give --model mann too"),
+        (["--model", "pfnn", "--experts", 4], "give --model mann too"),
+        (["--model", "mann", "--configuration", "holden"], "give --model pfnn too"),
+        (["--labels", tmp_path], "give --model pfnn or mann too"),
+    ):
+        assert message in _lmm("train", db, "-o", out, *more).stderr
+
+
+@pytest.mark.filterwarnings("always::motion.errors.Note")
+def test_notes_of_a_training_are_lines(db: Path, tmp_path: Path) -> None:
+    """Clips that are left out, and labels that fit none."""
+    pytest.importorskip("torch", reason="training needs torch: pip install 'motion-matching[train]'")
+    thrown = lmm_models.thrown(Database.load(db), "run")
+    thrown.save(tmp_path / "thrown.mmdb")
+    own, out = tmp_path / "own.toml", tmp_path / "m"
+    own.write_text("[pfnn]\niterations = 2\nhidden = [8]\nwindow = 1\n")
+    options = ["--model", "pfnn", "--config", own, "--held-out", 0, "--threads", 1]
+    result = _lmm("train", tmp_path / "thrown.mmdb", "-o", out, *options)
+    assert result.exit_code == 0, result.output
+    notes = [line for line in result.stderr.splitlines() if line.startswith("note: ")]
+    assert notes == [
+        "note: 1 of 2 clips is left out, without labels: run (neither foot touches the ground: "
+        "no phase without contacts of both feet)"
+    ]
+    told = _fails("train", db, "-o", out, *options, "--labels", tmp_path)
+    assert "no labels (NAME.labels.csv) of any clip" in told
 
 
 def test_training_that_is_stopped_says_how_to_go_on(

@@ -37,7 +37,7 @@ def read(folder: str | os.PathLike[str], database: Database) -> Mapping[str, Lab
     names = list(dict.fromkeys(database.names))
     paths: dict[str, Path] = {}
     for path in sorted(Path(folder).rglob(f"*{SUFFIX}")):
-        for name in _clips(path.relative_to(folder), names):
+        for name in _clips(path, Path(folder), names):
             if name in paths:
                 raise UserError(f"the clip {name} has labels in {paths[name]}, too", path=path)
             paths[name] = path
@@ -46,9 +46,9 @@ def read(folder: str | os.PathLike[str], database: Database) -> Mapping[str, Lab
     return {name: _of_clip(path, name, database) for name, path in paths.items()}
 
 
-def _clips(path: Path, names: Sequence[str]) -> list[str]:
+def _clips(path: Path, folder: Path, names: Sequence[str]) -> list[str]:
     """The clips that a file is for, at least one; of the same names, folders tell them apart."""
-    stem = path.with_name(path.name.removesuffix(SUFFIX)).as_posix()
+    stem = path.relative_to(folder).as_posix().removesuffix(SUFFIX)
     found = [name for name in names if _ends_in(stem, name)]
     found = found or [name for name in names if (m := _PIECE.fullmatch(name)) and _ends_in(stem, m["file"])]
     if not found:
