@@ -16,7 +16,8 @@ from .exchange_cli import convert, export, import_
 from .run import run, settings_
 from .training import mann_settings, pfnn_settings, settings
 from .training.locomotion_settings import LocomotionTraining
-from .training.pfnn_settings import CONFIGURATIONS
+from .training.mann_settings import MannTraining
+from .training.pfnn_settings import CONFIGURATIONS, PhaseTraining
 from .training.settings import PRESETS, RECIPES, Settings
 
 if TYPE_CHECKING:
@@ -148,21 +149,23 @@ def train(
 
 def _settings(
     what: str, recipe: str, preset: str, configuration: str | None, experts: int | None, config: str | None
-) -> Settings | LocomotionTraining:
+) -> Settings | PhaseTraining | MannTraining:
     """What a training is told, but for what stands on the command line."""
     if configuration is not None and what != "pfnn":
         raise click.UsageError("--configuration is of phase-functioned networks: give --model pfnn too")
     if experts is not None and what != "mann":
         raise click.UsageError("--experts are of mode-adaptive networks: give --model mann too")
+    base: Settings | PhaseTraining | MannTraining
     if what == "pfnn":
-        of_phase = pfnn_settings.preset(recipe, preset, configuration or "holden")
-        return pfnn_settings.load(config, of_phase) if config else of_phase
-    if what == "mann":
-        of_mann = mann_settings.preset(recipe, preset)
-        of_mann = mann_settings.load(config, of_mann) if config else of_mann
-        return of_mann if experts is None else replace(of_mann, mann=replace(of_mann.mann, experts=experts))
-    base = settings.preset(recipe, preset)
-    return settings.load(config, base) if config else base
+        base = pfnn_settings.preset(recipe, preset, configuration or CONFIGURATIONS[0])
+    elif what == "mann":
+        base = mann_settings.preset(recipe, preset)
+    else:
+        base = settings.preset(recipe, preset)
+    asked = settings.load(config, base) if config else base
+    if isinstance(asked, MannTraining) and experts is not None:
+        return replace(asked, mann=replace(asked.mann, experts=experts))
+    return asked
 
 
 @console.needs("train", "torch")

@@ -109,7 +109,7 @@ def run(kernels, name: str, model: MannModel, stretch: bool = True) -> dict:
     if name == "plan":
         assert kernels.plan(
             c, a["past"], 17, command.velocity, command.yaw, command.turn_rate, command.crouch, settings,
-            *trajectory.blend(10, 2.0, 5.0), controller._shares, a["joints"], a["velocities"], a["axes"],
+            *trajectory.blend(10, 2.0, 5.0), controller._blend[2], a["joints"], a["velocities"], a["axes"],
             into, a["x"],
         ) == -1  # fmt: skip
     elif name == "stand":

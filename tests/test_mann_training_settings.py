@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from lmm.training import mann_settings as module
 from lmm.training.mann_settings import MannStageSettings, MannTraining, preset
-from lmm.training.settings import PRESETS, RECIPES
+from lmm.training.settings import PRESETS, RECIPES, load
 from motion import config
 from motion.config import ConfigError
 from motion.errors import UserError
@@ -36,13 +35,13 @@ def test_settings_go_through_plain_data_and_files(tmp_path: Path) -> None:
     assert config.from_dict(MannTraining, config.to_dict(one)) == one
     path = tmp_path / "own.toml"
     config.dump(one, path)
-    assert module.load(path, MannTraining()) == one
+    assert load(path, MannTraining()) == one
     path.write_text("seed = 3\n[mann]\nexperts = 8\n")
     expected = dataclasses.replace(one, seed=3, mann=dataclasses.replace(one.mann, experts=8))
-    assert module.load(path, one) == expected
+    assert load(path, one) == expected
     path.write_text("[pfnn]\nbatch = 3\n")
     with pytest.raises(UserError, match="pfnn"):
-        module.load(path, one)
+        load(path, one)
 
 
 @pytest.mark.parametrize(

@@ -7,10 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from lmm.training import pfnn_settings as module
 from lmm.training.optimiser import rate
 from lmm.training.pfnn_settings import CONFIGURATIONS, PhaseStageSettings, PhaseTraining, preset
-from lmm.training.settings import PRESETS, RECIPES
+from lmm.training.settings import PRESETS, RECIPES, load
 from motion import config
 from motion.config import ConfigError
 from motion.errors import UserError
@@ -47,13 +46,13 @@ def test_settings_go_through_plain_data_and_files(tmp_path: Path) -> None:
     assert config.from_dict(PhaseTraining, config.to_dict(one)) == one
     path = tmp_path / "own.toml"
     config.dump(one, path)
-    assert module.load(path, PhaseTraining()) == one
+    assert load(path, PhaseTraining()) == one
     path.write_text("seed = 3\n[pfnn]\nbatch = 7\n")
     expected = dataclasses.replace(one, seed=3, pfnn=dataclasses.replace(one.pfnn, batch=7))
-    assert module.load(path, one) == expected
+    assert load(path, one) == expected
     path.write_text("latent = 3\n")
     with pytest.raises(UserError, match="latent"):
-        module.load(path, one)
+        load(path, one)
 
 
 @pytest.mark.parametrize(

@@ -33,13 +33,14 @@ ANY_HEIGHT = 1e6  # metres; feet lock as high as they stand where the ground is 
 class LocomotionController:
     """Drives N characters by commands; implements `mm.control.System`.
 
-    What is a network's own: its evaluator, kernels, what a character remembers, and what becomes of a frame
-    (`_frame`). Its constructor makes these, calls this one, and at last `_start`.
+    What is a network's own: its evaluator, kernels, what a character remembers, and how it stands on the
+    ground. Its constructor makes these, calls this one, and at last `_start`.
 
     Parameters
     ----------
     model, count, settings, ground, obstacles, compiled, name : see the controllers.
     network : the evaluator, which tells its `memory`.
+    kernels : a module such as `lmm.pfnn.steps`, or its twin.
     character : dtype of one character, see `lmm.locomotion.trajectory.character`.
     past : numbers of a past frame.
     inputs, outputs : names of the blocks whose beginnings the kernels want, in their order.
@@ -50,6 +51,7 @@ class LocomotionController:
         model: LocomotionModel,
         *,
         network: Any,
+        kernels: Any,
         character: np.dtype,
         past: int,
         inputs: tuple[str, ...],
@@ -64,7 +66,7 @@ class LocomotionController:
         if count < 1:
             raise UserError(f"{count} characters", remedy="ask for one or more")
         self.description, self.count, self.network = model.description, count, network
-        self._model = model
+        self._model, self._steps = model, kernels
         description, layout = model.description, model.layout
         self.settings = settings = settings or LocomotionSettings()
         self.skeleton, self.fps = description.skeleton, description.fps
@@ -75,6 +77,8 @@ class LocomotionController:
             settings, self.fps, walk_mps=description.walk_mps, run_mps=description.run_mps
         )
         spacing = trajectory.interval(self.fps)
+        # What the kernels blend what is asked by.
+        self._blend: tuple[NDArray, ...]
         self._blend = trajectory.blend(spacing, settings.position_bias, settings.direction_bias)
         self._obstacles = np.asarray(obstacles, np.float32).reshape(-1, 5)
         self._into, self._out = (
@@ -129,6 +133,38 @@ class LocomotionController:
 
     def _frame(self, who: slice, command: Command, ground: Ground | None) -> int:
         """A frame of some characters, up to their feet; the first whose command is not finite, or -1."""
+        characters, past, x, kernels = self.characters[who], self._past[who], self._x[who], self._steps
+        fed = tuple(array[who] for array in self._fed)
+        wrong = kernels.plan(
+            characters, past, self._head, command.velocity, command.yaw, command.turn_rate, command.crouch,
+            self._settings, *self._blend, *fed, self._into, x,
+        )  # fmt: skip
+        if wrong >= 0:
+            return wrong
+        if ground is not None:
+            kernels.sample_points(characters, self._into, x, self._points)
+            heights = np.asarray(ground(self._points[..., 0], self._points[..., 1]), np.float32)
+            self._stand(characters, heights, x)
+        self._lap("trajectory")
+        y = self._evaluate(characters, x)
+        self._lap("network")
+        shown = self._shown
+        kernels.show(
+            characters, y, self._out, self._settings, self._parents, self._offsets, self.settings.stretch,
+            self._contact_columns, *fed, shown.positions[who], shown.rotations[who], shown.velocities[who],
+            shown.angular_velocities[who], self._contacts[who], self._turned,
+        )  # fmt: skip
+        self._head = (self._head + 1) % past.shape[1]
+        kernels.advance(characters, past, self._head, y, self._out, self._settings, self._obstacles)
+        self._lap("pose")
+        return -1
+
+    def _stand(self, characters: NDArray, heights: NDArray[np.float32], x: NDArray[np.float32]) -> None:
+        """Put characters on the ground's heights [N, 12, 3], which a network's inputs [N, I] may tell."""
+        raise NotImplementedError
+
+    def _evaluate(self, characters: NDArray, x: NDArray[np.float32]) -> NDArray[np.float32]:
+        """The network's outputs [N, O] of inputs [N, I]."""
         raise NotImplementedError
 
     def reset(self, positions: ArrayLike, yaws: ArrayLike) -> None:

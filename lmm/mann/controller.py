@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from features.terrain import Ground, flat
-from mm.control import Command
 
 from ..evaluator import Products
 from ..locomotion import trajectory
@@ -61,6 +60,7 @@ class MannController(LocomotionController):
         super().__init__(
             model,
             network=evaluator,
+            kernels=steps if compiled else steps_numpy,
             character=CHARACTER,
             past=PAST,
             inputs=("path", "facing", "gaits", "positions", "velocities", "going", "speeds", "rotations"),
@@ -72,9 +72,8 @@ class MannController(LocomotionController):
             compiled=compiled,
             name=name or f"mann-{model.network.experts}",
         )
-        self._steps: Any = steps if compiled else steps_numpy
         spacing = trajectory.interval(self.fps)
-        self._shares = trajectory.blend(spacing, 0, self.settings.position_bias)[1]
+        self._blend = (*self._blend, trajectory.blend(spacing, 0, self.settings.position_bias)[1])
         self._axes = np.zeros((count, model.layout.joints, 6), np.float32)
         self._fed = (*self._fed, self._axes)
         self._start()
@@ -83,33 +82,11 @@ class MannController(LocomotionController):
         super()._begin(mean)
         self._axes[0] = to_axes(mean.rotations[0])
 
-    def _frame(self, who: slice, command: Command, ground: Ground | None) -> int:
-        """A frame of some characters, up to their feet; the first whose command is not finite, or -1."""
-        characters, past, x, kernels = self.characters[who], self._past[who], self._x[who], self._steps
-        joints, velocities, axes = self._joints[who], self._velocities[who], self._axes[who]
-        wrong = kernels.plan(
-            characters, past, self._head, command.velocity, command.yaw, command.turn_rate, command.crouch,
-            self._settings, *self._blend, self._shares, joints, velocities, axes, self._into, x,
-        )  # fmt: skip
-        if wrong >= 0:
-            return wrong
-        if ground is not None:
-            kernels.sample_points(characters, self._into, x, self._points)
-            heights = np.asarray(ground(self._points[..., 0], self._points[..., 1]), np.float32)
-            kernels.stand(characters, heights)
-        self._lap("trajectory")
-        y = self.network.evaluate(x)
-        self._lap("network")
-        shown = self._shown
-        kernels.show(
-            characters, y, self._out, self._settings, self._parents, self._offsets, self.settings.stretch,
-            self._contact_columns, joints, velocities, axes, shown.positions[who], shown.rotations[who],
-            shown.velocities[who], shown.angular_velocities[who], self._contacts[who], self._turned,
-        )  # fmt: skip
-        self._head = (self._head + 1) % past.shape[1]
-        kernels.advance(characters, past, self._head, y, self._out, self._settings, self._obstacles)
-        self._lap("pose")
-        return -1
+    def _stand(self, characters: NDArray, heights: NDArray[np.float32], x: NDArray[np.float32]) -> None:
+        self._steps.stand(characters, heights)
+
+    def _evaluate(self, characters: NDArray, x: NDArray[np.float32]) -> NDArray[np.float32]:
+        return self.network.evaluate(x)
 
     def record(self) -> dict[str, NDArray]:
         """See `LocomotionController.record`; experts [N, K] is what each counted in the last step."""

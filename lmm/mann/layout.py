@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 
 from motion import quat
 
-from ..locomotion.window import FUTURE, GAITS, PRESENT, SAMPLES, samples, slices
+from ..locomotion.layout import BlockLayout
+from ..locomotion.window import FUTURE, GAITS, PRESENT, SAMPLES, slices
 
 Array = NDArray[np.float32]
 
@@ -80,7 +81,7 @@ class Outputs:
 
 
 @dataclass(frozen=True)
-class Layout:
+class Layout(BlockLayout):
     """The vectors of a skeleton with so many joints, the ground root not counted, and so many contacts.
 
     Inputs, 156 + 12 J numbers: of the 12 samples all x, then all z of the positions, of the directions, then
@@ -91,8 +92,7 @@ class Layout:
     positions, directions and velocities; the joints' positions, rotations and velocities.
     """
 
-    joints: int
-    contacts: int = 0
+    input_type, output_type = Inputs, Outputs
 
     @cached_property
     def inputs(self) -> Mapping[str, slice]:
@@ -123,14 +123,6 @@ class Layout:
             velocities=3 * self.joints,
         )
 
-    @property
-    def input_size(self) -> int:
-        return self.inputs["velocities"].stop
-
-    @property
-    def output_size(self) -> int:
-        return self.outputs["velocities"].stop
-
     def gate_columns(self, ends: Sequence[int]) -> NDArray[np.int64]:
         """The inputs [3 E + 7] that the gate sees: velocities of E joints, speed and gaits wanted now.
 
@@ -141,46 +133,11 @@ class Layout:
         wanted = gaits + SAMPLES * np.arange(len(GAITS)) + PRESENT
         return np.concatenate([of_ends.ravel(), [speeds + PRESENT], wanted]).astype(np.int64)
 
-    def pack_inputs(self, parts: Inputs) -> Array:
-        """Vectors [N, I]."""
-        return _pack(parts, self.inputs)
+    def written(self, rotations: Array) -> NDArray:
+        return to_axes(rotations)
 
-    def unpack_inputs(self, vectors: Array) -> Inputs:
-        """The parts of vectors [N, I]."""
-        found = {name: vectors[:, columns] for name, columns in self.inputs.items()}
-        return Inputs(
-            path=samples(found["path"], 2),
-            facing=samples(found["facing"], 2),
-            gaits=samples(found["gaits"], len(GAITS)),
-            going=samples(found["going"], 2),
-            speeds=found["speeds"],
-            positions=self._joints(found["positions"]),
-            rotations=from_axes(self._joints(found["rotations"])),
-            velocities=self._joints(found["velocities"]),
-        )
-
-    def pack_outputs(self, parts: Outputs) -> Array:
-        """Vectors [N, O]."""
-        return _pack(parts, self.outputs)
-
-    def unpack_outputs(self, vectors: Array) -> Outputs:
-        """The parts of vectors [N, O]; directions are made unit, rotations whole."""
-        found = {name: vectors[:, columns] for name, columns in self.outputs.items()}
-        facing = samples(found["facing"], 2)
-        return Outputs(
-            root_velocity=found["root_velocity"],
-            turn_rate=found["turn_rate"][:, 0],
-            contacts=found["contacts"],
-            path=samples(found["path"], 2),
-            facing=facing / np.maximum(np.linalg.norm(facing, axis=-1, keepdims=True), 1e-8),
-            going=samples(found["going"], 2),
-            positions=self._joints(found["positions"]),
-            rotations=from_axes(self._joints(found["rotations"])),
-            velocities=self._joints(found["velocities"]),
-        )
-
-    def _joints(self, block: Array) -> Array:
-        return block.reshape(len(block), self.joints, -1)
+    def turned(self, numbers: Array) -> NDArray:
+        return from_axes(numbers)
 
 
 def to_axes(rotations: NDArray) -> NDArray:
@@ -201,15 +158,3 @@ def from_axes(axes: NDArray) -> NDArray:
 
 def _unit(vectors: NDArray) -> NDArray:
     return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-8)
-
-
-def _pack(parts: Inputs | Outputs, columns: Mapping[str, slice]) -> Array:
-    count = len(parts.path)
-    out = np.empty((count, max(part.stop for part in columns.values())), np.float32)
-    for name, part in columns.items():
-        block = getattr(parts, name)
-        if name == "rotations":
-            block = to_axes(block)
-        by_component = name in ("path", "facing", "gaits", "going")
-        out[:, part] = (np.swapaxes(block, 1, 2) if by_component else block).reshape(count, -1)
-    return out

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from features.terrain import Ground, flat
-from mm.control import Command
 
 from ..evaluator import Products
 from ..locomotion.controller import STAGES, LocomotionController
@@ -59,6 +56,7 @@ class PhaseController(LocomotionController):
             network=PhaseEvaluator(
                 model.network, mode=mode, products=products, count=max(count, 1), compiled=compiled
             ),
+            kernels=steps if compiled else steps_numpy,
             character=trajectory.CHARACTER,
             past=trajectory.PAST,
             inputs=tuple(model.layout.inputs),
@@ -70,36 +68,13 @@ class PhaseController(LocomotionController):
             compiled=compiled,
             name=name or f"pfnn-{mode}",
         )
-        self._steps: Any = steps if compiled else steps_numpy
         self._start()
 
-    def _frame(self, who: slice, command: Command, ground: Ground | None) -> int:
-        """A frame of some characters, up to their feet; the first whose command is not finite, or -1."""
-        characters, past, x, kernels = self.characters[who], self._past[who], self._x[who], self._steps
-        joints, velocities = self._joints[who], self._velocities[who]
-        wrong = kernels.plan(
-            characters, past, self._head, command.velocity, command.yaw, command.turn_rate, command.crouch,
-            self._settings, *self._blend, joints, velocities, self._into, x,
-        )  # fmt: skip
-        if wrong >= 0:
-            return wrong
-        if ground is not None:
-            kernels.sample_points(characters, self._into, x, self._points)
-            heights = np.asarray(ground(self._points[..., 0], self._points[..., 1]), np.float32)
-            kernels.write_heights(characters, heights, self._into, x)
-        self._lap("trajectory")
-        y = self.network.evaluate(x, characters["phase"])
-        self._lap("network")
-        shown = self._shown
-        kernels.show(
-            characters, y, self._out, self._settings, self._parents, self._offsets, self.settings.stretch,
-            self._contact_columns, joints, velocities, shown.positions[who], shown.rotations[who],
-            shown.velocities[who], shown.angular_velocities[who], self._contacts[who], self._turned,
-        )  # fmt: skip
-        self._head = (self._head + 1) % past.shape[1]
-        kernels.advance(characters, past, self._head, y, self._out, self._settings, self._obstacles)
-        self._lap("pose")
-        return -1
+    def _stand(self, characters: NDArray, heights: NDArray[np.float32], x: NDArray[np.float32]) -> None:
+        self._steps.write_heights(characters, heights, self._into, x)
+
+    def _evaluate(self, characters: NDArray, x: NDArray[np.float32]) -> NDArray[np.float32]:
+        return self.network.evaluate(x, characters["phase"])
 
     def record(self) -> dict[str, NDArray]:
         """See `LocomotionController.record`; phase [N], radians, is that of the frame to come."""

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from motion import quat
 
-from ..locomotion.window import FUTURE, GAITS, SAMPLES, SIDES, samples, slices
+from ..locomotion.layout import BlockLayout
+from ..locomotion.window import FUTURE, GAITS, SAMPLES, SIDES, slices
 
 Array = NDArray[np.float32]
 
@@ -69,7 +70,7 @@ class Outputs:
 
 
 @dataclass(frozen=True)
-class Layout:
+class Layout(BlockLayout):
     """The vectors of a skeleton with so many joints, the ground root not counted, and so many contacts.
 
     Inputs, 156 + 6 J numbers: of the 12 samples all x, then all z of the positions, then of the directions,
@@ -81,8 +82,9 @@ class Layout:
     velocities, and their rotations in root space as exponential maps: axis times *half* the angle.
     """
 
-    joints: int
     contacts: int = 4
+
+    input_type, output_type = Inputs, Outputs
 
     @cached_property
     def inputs(self) -> Mapping[str, slice]:
@@ -111,60 +113,8 @@ class Layout:
             rotations=3 * self.joints,
         )
 
-    @property
-    def input_size(self) -> int:
-        return self.inputs["heights"].stop
+    def written(self, rotations: Array) -> NDArray:
+        return quat.log(rotations) / 2
 
-    @property
-    def output_size(self) -> int:
-        return self.outputs["rotations"].stop
-
-    def pack_inputs(self, parts: Inputs) -> Array:
-        """Vectors [N, I]."""
-        return self._pack(parts, self.inputs)
-
-    def unpack_inputs(self, vectors: Array) -> Inputs:
-        """The parts of vectors [N, I]."""
-        found = {name: vectors[:, columns] for name, columns in self.inputs.items()}
-        return Inputs(
-            path=samples(found["path"], 2),
-            facing=samples(found["facing"], 2),
-            gaits=samples(found["gaits"], len(GAITS)),
-            positions=self._joints(found["positions"]),
-            velocities=self._joints(found["velocities"]),
-            heights=samples(found["heights"], SIDES),
-        )
-
-    def pack_outputs(self, parts: Outputs) -> Array:
-        """Vectors [N, O]."""
-        return self._pack(parts, self.outputs)
-
-    def unpack_outputs(self, vectors: Array) -> Outputs:
-        """The parts of vectors [N, O]; directions are made unit."""
-        found = {name: vectors[:, columns] for name, columns in self.outputs.items()}
-        facing = samples(found["facing"], 2)
-        return Outputs(
-            root_velocity=found["root_velocity"],
-            turn_rate=found["turn_rate"][:, 0],
-            phase_rate=found["phase_rate"][:, 0],
-            contacts=found["contacts"],
-            path=samples(found["path"], 2),
-            facing=facing / np.maximum(np.linalg.norm(facing, axis=-1, keepdims=True), 1e-8),
-            positions=self._joints(found["positions"]),
-            velocities=self._joints(found["velocities"]),
-            rotations=quat.exp(2 * self._joints(found["rotations"])),
-        )
-
-    def _joints(self, block: Array) -> Array:
-        return block.reshape(len(block), self.joints, 3)
-
-    def _pack(self, parts: Inputs | Outputs, columns: Mapping[str, slice]) -> Array:
-        count = len(parts.path)
-        out = np.empty((count, max(part.stop for part in columns.values())), np.float32)
-        for name, part in columns.items():
-            block = getattr(parts, name)
-            if name == "rotations":
-                block = quat.log(block) / 2
-            by_component = name in ("path", "facing", "gaits", "heights")
-            out[:, part] = (np.swapaxes(block, 1, 2) if by_component else block).reshape(count, -1)
-        return out
+    def turned(self, numbers: Array) -> NDArray:
+        return quat.exp(2 * numbers)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
@@ -48,15 +48,18 @@ class LocomotionData:
     labels: Labels
     held_out: tuple[str, ...] = ()
 
-    @property
+    layout_type: ClassVar[Callable[[int, int], Any]]
+    vectors: ClassVar[Callable[[Database, Labels], Any]]  # `frames` of a network
+
+    @cached_property
     def layout(self) -> Any:
         """What the numbers of a vector are."""
-        raise NotImplementedError
+        return type(self).layout_type(len(self.database.skeleton) - 1, len(self.labels.names))
 
-    @property
+    @cached_property
     def frames(self) -> Any:
-        """Vectors x [M, I] and y [M, O], and the frames [M] that they are of."""
-        raise NotImplementedError
+        """Vectors x [M, I] and y [M, O], on flat ground, and the frames [M] that they are of."""
+        return type(self).vectors(self.database, self.labels)
 
     def memory(self) -> int:
         """Bytes that a training takes beside the database's file, which the system may drop: most are

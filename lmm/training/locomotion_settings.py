@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from .settings import Common, StageSettings, check_range
 
@@ -42,3 +43,27 @@ class LocomotionTraining(Common):
     @property
     def longest(self) -> int:
         return self.stage.window + 2  # a range's first and last frame have no vectors
+
+
+def ours(name: str) -> dict[str, Any]:
+    """What our recipe has for every such network, in a size.
+
+    Larger batches at a higher rate that falls to 0, averaged weights; inputs that are a little off, and a few
+    frames on the network's own output, so that it finds back into the motion.
+    """
+    iterations = {"full": 60_000, "quick": 20_000, "smoke": 30}[name]
+    return {
+        "iterations": iterations,
+        "batch": 128,
+        "window": 4,
+        "learning_rate": 1e-3,
+        "schedule": "cosine",
+        "optimiser": "adam",
+        "warm_up": 0.02,
+        "average": 0.999,
+        "clip": 1.0,
+        "evaluate": max(iterations // 50, 15),
+        "alone": 0.6,
+        "keep": 1.0,
+        "noise": 0.5,
+    }

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 
 import numpy as np
 
 from lmm.locomotion.statistics import joint_weights
-from lmm.mann.frames import Frames, frames
+from lmm.mann.frames import frames
 from lmm.mann.layout import Layout
 from lmm.mann.model import end_effectors
 
@@ -18,17 +17,10 @@ from .mann_settings import MannStageSettings, MannTraining
 from .mixed_networks import ExpertLayers
 
 
-@dataclass(eq=False)
 class MannData(LocomotionData):
     """A database's frames, of two feet or four."""
 
-    @property
-    def layout(self) -> Layout:
-        return Layout(len(self.database.skeleton) - 1, len(self.labels.names))
-
-    @cached_property
-    def frames(self) -> Frames:
-        return frames(self.database, self.labels)
+    layout_type, vectors = Layout, frames
 
 
 class MannStage(LocomotionStage):

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from lmm.locomotion.statistics import JOINT_SCALE
-from lmm.pfnn.frames import Frames, frames
+from lmm.pfnn.frames import frames
 from lmm.pfnn.layout import Layout
 from lmm.pfnn.spline import coefficients
 
@@ -20,17 +18,10 @@ from .mixed_networks import PhaseLayers
 from .pfnn_settings import PhaseTraining
 
 
-@dataclass(eq=False)
 class PhaseData(LocomotionData):
-    """A database's frames, on flat ground, with their phases."""
+    """A database's frames, with their phases."""
 
-    @property
-    def layout(self) -> Layout:
-        return Layout(len(self.database.skeleton) - 1, len(self.labels.names))
-
-    @cached_property
-    def frames(self) -> Frames:
-        return frames(self.database, self.labels)
+    layout_type, vectors = Layout, frames
 
 
 class PhaseStage(LocomotionStage):

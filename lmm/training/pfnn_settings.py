@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
-from motion import config
-
-from .locomotion_settings import LocomotionStageSettings, LocomotionTraining
+from .locomotion_settings import LocomotionStageSettings, LocomotionTraining, ours
 from .settings import PRESETS, RECIPES, Optimiser, Schedule, check_names, check_range
 
 Configuration = Literal["holden", "holden-xl", "holden-xt"]
@@ -82,28 +79,7 @@ def _reference(name: str) -> PhaseTraining:
 
 
 def _ours(name: str) -> PhaseTraining:
-    """Larger batches at a higher rate that falls to 0, averaged weights, products of bfloat16; inputs that
-    are a little off, and a few frames on the network's own output, so that it finds back into the motion."""
-    iterations = {"full": 60_000, "quick": 20_000, "smoke": 30}[name]
-    stage = PhaseStageSettings(
-        iterations=iterations,
-        batch=128,
-        window=4,
-        learning_rate=1e-3,
-        schedule="cosine",
-        warm_up=0.02,
-        average=0.999,
-        clip=1.0,
-        evaluate=max(iterations // 50, 15),
-        alone=0.6,
-        keep=1.0,
-        shrink=0.0,
-        noise=0.5,
-        phase_noise=0.05,
+    """As all such networks are trained by us, products of bfloat16."""
+    return PhaseTraining(
+        precision="bfloat16", pfnn=PhaseStageSettings(**ours(name), shrink=0.0, phase_noise=0.05)
     )
-    return PhaseTraining(precision="bfloat16", pfnn=stage)
-
-
-def load(path: str | os.PathLike[str], base: PhaseTraining) -> PhaseTraining:
-    """Settings of a TOML file; what it leaves out is as in base. Faults are UserErrors with file and line."""
-    return config.load(PhaseTraining, path, base=base)

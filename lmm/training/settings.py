@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 from motion import config
 from motion.config import ConfigError, choices, shown
@@ -110,6 +110,9 @@ class Common:
         raise NotImplementedError
 
 
+Told = TypeVar("Told", bound=Common)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Settings(Common):
     """How a model of Learned Motion Matching is trained.
@@ -211,6 +214,6 @@ def _each(settings: Settings, **changes: Any) -> Settings:
     return replace(settings, **{name: replace(getattr(settings, name), **changes) for name in stages})
 
 
-def load(path: str | os.PathLike[str], base: Settings) -> Settings:
+def load(path: str | os.PathLike[str], base: Told) -> Told:
     """Settings of a TOML file; what it leaves out is as in base. Faults are UserErrors with file and line."""
-    return config.load(Settings, path, base=base)
+    return config.load(type(base), path, base=base)
