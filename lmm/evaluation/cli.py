@@ -6,10 +6,16 @@ import shlex
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from motion import console, files
+from motion.errors import UserError
+
+if TYPE_CHECKING:
+    from lmm.models import LocomotionModel
+    from mm.database import Database
 
 
 @click.command(epilog="Example: python -m lmm evaluate walk.mmdb walk.lmm -o judged")
@@ -27,6 +33,18 @@ from motion import console, files
     help="Of the long run.  [default: 10; 1 with --quick]",
 )
 @click.option("--quick", is_flag=True, help="Fewer and shorter measurements, about a minute.")
+@click.option(
+    "--against",
+    type=click.Path(),
+    metavar="MODEL",
+    help="Another network of locomotion of the same data: how much do their errors differ?",
+)
+@click.option(
+    "--labels",
+    type=click.Path(),
+    metavar="FOLDER",
+    help="Labels that the model was trained with, where some were corrected by hand.",
+)
 @click.option("--seed", type=click.IntRange(0), help="Of random users, starts and queries.  [default: 20000]")
 @console.json_option
 def evaluate(
@@ -36,39 +54,51 @@ def evaluate(
     seconds: float | None,
     minutes: float | None,
     quick: bool,
+    against: str | None,
+    labels: str | None,
     seed: int | None,
     as_json: bool,
 ) -> None:
-    """Judge a model: is it good enough, and if not, which stage is to blame?
+    """Judge a model: is it good enough, and if not, what is to blame?
 
-    DB is the database that it was trained from. Prints the errors of the decompressor, the stepper's drift
-    and the projector's regret, on training clips and on held-out ones; how it drives a character over
-    courses beside motion matching, each stage alone replaced by its network too; and whether anything
-    diverges in ten minutes of random commands. Takes some minutes.
+    DB is the database that it was trained from. Of learned motion matching: the errors of the decompressor,
+    the stepper's drift and the projector's regret, on training clips and on held-out ones; how it drives a
+    character over courses beside motion matching, each stage alone replaced by its network too; and whether
+    anything diverges in ten minutes of random commands. Takes some minutes.
+
+    Of a phase-functioned or mode-adaptive network: one step and free runs under the true trajectory, on
+    training clips and on held-out ones; the relative error by file, as the thesis has it; what a frame
+    costs; courses and ten minutes as above: does it die out, or leave the path?
     """
-    from lmm.model import Model
+    from lmm import models
     from mm.database import Database
 
     from . import evaluate as evaluating
-    from . import report
+    from . import locomotion, report
 
     folder = None if output is None else Path(output)
     if folder is not None:
-        files.check_output(folder / "evaluation.json", inputs=[db, model])
+        files.check_output(folder / "evaluation.json", inputs=[db, model, against])
     plan = evaluating.QUICK if quick else evaluating.Plan()
     if seconds is not None:
         plan = replace(plan, seconds=seconds, mixed_seconds=min(seconds, plan.mixed_seconds))
     if minutes is not None:
         plan = replace(plan, minutes=minutes)
-    judged, database = Model.load(model), Database.load(db)
-    judged.check(database, model)
-    found = evaluating.evaluate(
-        judged,
-        database,
-        plan,
-        seed=evaluating.SEED if seed is None else seed,
-        progress=console.progress,
-    )
+    judged, database = models.load(model), Database.load(db)
+    seed = evaluating.SEED if seed is None else seed
+    if isinstance(judged, models.LocomotionModel):
+        judged.check(database, model)
+        other = None if against is None else _other(against, database)
+        found = locomotion.evaluate(
+            judged, database, plan, labels=labels, against=other, seed=seed, progress=console.progress
+        )
+    else:
+        for flag, given in (("--against", against), ("--labels", labels)):
+            if given is not None:
+                what = f"{flag} is for networks of locomotion, and this is a model of {models.TITLES['lmm']}"
+                raise UserError(what, path=model, remedy="leave it out")
+        judged.check(database, model)
+        found = evaluating.evaluate(judged, database, plan, seed=seed, progress=console.progress)
     command = shlex.join(["python", "-m", "lmm", *sys.argv[1:]])
     if as_json:
         console.print_json({"command": command, **found})
@@ -77,3 +107,15 @@ def evaluate(
     if folder is not None:
         for path in report.save(found, folder, command=command):
             print(f"wrote {path}", file=sys.stderr)
+
+
+def _other(path: str, database: Database) -> LocomotionModel:
+    """Another network of the same data."""
+    from lmm import models
+
+    other = models.load(path)
+    if not isinstance(other, models.LocomotionModel):
+        what = f"a model of {models.TITLES['lmm']} to compare with"
+        raise UserError(what, path=path, remedy="give a phase-functioned or mode-adaptive network")
+    other.check(database, path)
+    return other

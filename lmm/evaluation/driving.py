@@ -131,16 +131,17 @@ def memory_mb(system: Controller) -> float:
 class Extremes:
     """The furthest that states and poses of the steps seen so far went; see `endure`.
 
-    low, high [K] are the ranges of the states in the data.
+    low, high [K] are the ranges of the states in the data; spans [K], how wide they are, may be given apart.
     """
 
-    def __init__(self, database: Database, low: Array, high: Array) -> None:
+    def __init__(self, database: Database, low: Array, high: Array, spans: Array | None = None) -> None:
         self._low, self._high = low, high
         lengths = bone_lengths(database.poses.positions)
         self._shortest, self._longest = lengths.min(axis=0), lengths.max(axis=0)
         velocity = database.poses.velocities[:, 0][:, [0, 2]]
         self.data_speed = float(np.linalg.norm(velocity, axis=-1).max())
-        self._span = np.where(self._high > self._low, self._high - self._low, np.inf).astype(np.float64)
+        spans = high - low if spans is None else spans
+        self._span = np.where(spans > 0, spans, np.inf).astype(np.float64)
         self.frames, self.broken, self.outside = 0, -1, -1
         self.below, self.above = np.full_like(self._low, np.inf), np.full_like(self._low, -np.inf)
         self.bone, self.speed = 0.0, 0.0
@@ -214,7 +215,7 @@ def last(
     database: Database,
     *,
     states: Callable[[], Array],
-    ranges: tuple[Array, Array],
+    ranges: tuple[Array, ...],
     columns: Sequence[str],
     loose_cm: float = LOOSE_CM,
     seconds: float = 600.0,
@@ -223,8 +224,8 @@ def last(
 ) -> dict[str, Any]:
     """What `endure` finds, of any system that tells its poses.
 
-    states gives what the system goes on from, [N, K], ranges the least and the most [K] of it in the data,
-    columns its names. Bones may be loose_cm longer or shorter than in the data.
+    states gives what the system goes on from, [N, K], ranges what `Extremes` needs of it, columns its names.
+    Bones may be loose_cm longer or shorter than in the data.
     """
     characters, skeleton = driven.count, driven.skeleton
     course = queries.random_user(database, seconds * characters, seed=seed)

@@ -94,7 +94,7 @@ def _measured(
     parts: dict[str, NDArray[np.bool_] | None] = {"training": trained}
     if not trained.all():
         parts["held_out"] = ~trained
-    found: dict[str, Any] = {"database": _about(database), "model": _about_model(model)}
+    found: dict[str, Any] = {"database": about(database), "model": _about_model(model)}
     found["decompressor"] = {
         name: decompressor.errors(model, database, latents, ranges=ranges)
         for name, ranges in progress(
@@ -158,8 +158,7 @@ def targets(found: dict[str, Any]) -> list[dict[str, Any]]:
     rows: list[dict[str, Any]] = []
 
     def add(what: str, most: float, value: float | None) -> None:
-        met = None if value is None or not np.isfinite(value) else bool(value <= most)
-        rows.append({"what": what, "at most": most, "found": value, "met": met})
+        rows.append(target(what, most, value))
 
     poses, drifts = found["decompressor"], found["stepper"]
     add("joint error, whole database, cm", WHOLE_CM, poses["whole"]["position_cm"]["mean"])
@@ -170,28 +169,39 @@ def targets(found: dict[str, Any]) -> list[dict[str, Any]]:
         if at:
             add(f"drift after {DRIFT_STEPS} frames, {name.replace('_', '-')} clips, cm", DRIFT_CM, at[0])
     add("projector's regret on real queries, median", REGRET, found["projector"]["real"]["regret"]["median"])
-    by_name = {row["system"]: row for row in found["systems"]}
-    mm, lmm = (
-        next((row for name, row in by_name.items() if name.removesuffix("-free") == wanted), None)
-        for wanted in ("mm", "lmm-PSD")
-    )
-    if mm and lmm:
-        for column, what in (("skate_cm_s", "foot skate"), ("path_cm", "distance from the path")):
-            mine, its = lmm.get(column), mm.get(column)
-            share = mine / its if mine is not None and its else None
-            add(f"{what} / motion matching's", SHARE_OF_MM, share)
-    rows.append(
-        {
-            "what": f"{found['endurance']['minutes']:.3g} minutes without divergence",
-            "at most": None,
-            "found": None,
-            "met": found["endurance"]["passed"],
-        }
-    )
+    return [*rows, *beside_matching(found, "lmm-PSD"), lasting(found)]
+
+
+def target(what: str, most: float, value: float | None) -> dict[str, Any]:
+    """A row of `targets`."""
+    met = None if value is None or not np.isfinite(value) else bool(value <= most)
+    return {"what": what, "at most": most, "found": value, "met": met}
+
+
+def system_of(found: dict[str, Any], name: str) -> dict[str, Any] | None:
+    """The row of a system, or of the same one with its feet free where no legs are whole."""
+    rows = {row["system"]: row for row in reversed(found["systems"])}
+    return rows.get(name, rows.get(f"{name}-free"))
+
+
+def beside_matching(found: dict[str, Any], name: str) -> list[dict[str, Any]]:
+    """Targets of a system over the courses that motion matching sets."""
+    mm, mine, rows = system_of(found, "mm"), system_of(found, name), []
+    for column, what in (("skate_cm_s", "foot skate"), ("path_cm", "distance from the path")):
+        if mm and mine:
+            share = mine[column] / mm[column] if mine.get(column) is not None and mm.get(column) else None
+            rows.append(target(f"{what} / motion matching's", SHARE_OF_MM, share))
     return rows
 
 
-def _about(database: Database) -> dict[str, Any]:
+def lasting(found: dict[str, Any]) -> dict[str, Any]:
+    """The target of the long run."""
+    run = found["endurance"]
+    what = f"{run['minutes']:.3g} minutes without divergence"
+    return {"what": what, "at most": None, "found": None, "met": run["passed"]}
+
+
+def about(database: Database) -> dict[str, Any]:
     return {
         "fingerprint": database.fingerprint,
         "frames": len(database),

@@ -23,13 +23,13 @@ DRIVEN = {
 
 
 def all_of(found: dict[str, Any]) -> dict[str, bytes]:
-    """PNG files by name."""
-    draw: dict[str, Callable[[dict[str, Any]], Any]] = {
-        "joints.png": joints,
-        "drift.png": drift,
-        "regret.png": regret,
-        "courses.png": courses,
-    }
+    """PNG files by name, of learned motion matching or of a network of locomotion."""
+    draw: dict[str, Callable[[dict[str, Any]], Any]] = {"joints.png": joints}
+    if "free_run" in found:
+        draw |= {"drift.png": free_runs, "files.png": files}
+    else:
+        draw |= {"drift.png": drift, "regret.png": regret}
+    draw["courses.png"] = courses
     out = {}
     for name, picture in draw.items():
         with figures.style(name):
@@ -39,8 +39,9 @@ def all_of(found: dict[str, Any]) -> dict[str, bytes]:
 
 def joints(found: dict[str, Any]) -> Any:
     """Mean position error of each joint, in the skeleton's order, on both parts of the data."""
-    parts = {name: found["decompressor"][name]["joints"] for name in PARTS if name in found["decompressor"]}
-    names = list(parts["training"])
+    errors_of = found.get("decompressor") or found["poses"]
+    parts = {name: errors_of[name]["joints"] for name in PARTS if name in errors_of}
+    names = list(next(iter(parts.values())))
     picture, (axes,) = figures.figure(7, 1 + 0.17 * len(names))
     at = np.arange(len(names))[::-1]
     height = 0.8 / len(parts)
@@ -74,6 +75,61 @@ def drift(found: dict[str, Any]) -> Any:
         axes.set_ylim(bottom=0)
         axes.grid(True, axis="y")
     left.legend(fontsize=7, loc="lower left", bbox_to_anchor=(0, 1), ncols=2)
+    return picture
+
+
+def free_runs(found: dict[str, Any]) -> Any:
+    """Error of the joints, the phase and the root's way over the frames of a network's free run."""
+    shown = {
+        "joints_cm": "distance of joints in root space, cm",
+        "rotation_deg": "difference of their rotations, °",
+        "phase_deg": "difference of the phase, °",
+        "path_cm": "distance of the root from its path, cm",
+    }
+    runs = found["free_run"]
+    shown = {name: label for name, label in shown.items() if any(name in r["curves"] for r in runs.values())}
+    picture, panels = figures.figure(3.3 * len(shown), 3.4, len(shown))
+    for axes, (name, label) in zip(panels, shown.items(), strict=True):
+        for i, (part, run) in enumerate(runs.items()):
+            curves = run["curves"]
+            if name not in curves:
+                continue
+            count = 1 + np.arange(len(curves[name]))
+            axes.plot(count, _numbers(curves[name]), color=figures.COLOURS[i], label=PARTS[part])
+            if name == "joints_cm":
+                still = _numbers(curves["still_cm"])
+                axes.plot(count, still, color=figures.COLOURS[i], linestyle="--", linewidth=0.9)
+        axes.set_ylabel(label)
+        axes.set_xlabel("frames of free run")
+        axes.set_xlim(left=0)
+        axes.set_ylim(bottom=0)
+        axes.grid(True, axis="y")
+    panels[0].plot([], [], color=figures.INK, linestyle="--", linewidth=0.9, label="the first pose held")
+    picture.legend(*panels[0].get_legend_handles_labels(), fontsize=7, loc="outside upper left", ncols=3)
+    return picture
+
+
+def files(found: dict[str, Any]) -> Any:
+    """The thesis's relative error of each file, and over all files (its Figures 5.6 and 5.8)."""
+    series = {found["kind"]: found["files"]}
+    if "against" in found:
+        series["against"] = found["against"]["files"]
+    picture, (left, right) = figures.figure(10, 3.6, 2)
+    for i, (name, rows) in enumerate(series.items()):
+        at, values = np.arange(len(rows)), _numbers([100 * row["relative"] for row in rows])
+        left.plot(at, values, ".-", color=figures.COLOURS[i], linewidth=0.9, markersize=4, label=name)
+        held = [k for k, row in enumerate(rows) if row["held_out"]]
+        left.plot(held, np.array(values)[held], "o", color=figures.COLOURS[i], fillstyle="none")
+    left.plot([], [], "o", color=figures.INK, fillstyle="none", label="held-out files")
+    left.set_xlabel("file, in the database's order")
+    left.legend(fontsize=7, loc="lower left", bbox_to_anchor=(0, 1), ncols=3)
+    boxes = [_numbers([100 * row["relative"] for row in rows]) for rows in series.values()]
+    right.boxplot(boxes, widths=0.5, medianprops={"color": figures.COLOURS[1]})
+    right.set_xticks(1 + np.arange(len(series)), list(series))
+    for axes in (left, right):
+        axes.set_ylabel("relative error of a step, %")
+        axes.set_ylim(bottom=0)
+        axes.grid(True, axis="y")
     return picture
 
 

@@ -15,6 +15,7 @@ from .pictures import KINDS, PARTS, all_of
 COLUMNS = (
     ("skate_cm_s", "skate cm/s", 2),
     ("path_cm", "path cm", 2),
+    ("path_max_cm", "path max", 1),
     ("heading_deg", "heading °", 1),
     ("speed_response_s", "speed s", 2),
     ("heading_response_s", "turn s", 2),
@@ -24,11 +25,15 @@ COLUMNS = (
     ("real_cm", "from real cm", 2),
     ("transitions_per_s", "trans/s", 2),
     ("speed_ratio", "speed ratio", 2),
+    ("stall_s", "no step s", 2),
     ("frame_us", "µs a character", 1),
     ("memory_mb", "memory MB", 2),
     ("broke", "broke", 0),
 )
-BRIEF = ("broke", "skate_cm_s", "path_cm", "heading_deg", "jerk_m_s3", "real_cm", "speed_ratio", "frame_us")
+BRIEF = (
+    *("broke", "skate_cm_s", "path_cm", "path_max_cm", "heading_deg", "jerk_m_s3", "real_cm", "speed_ratio"),
+    *("stall_s", "frame_us"),
+)
 
 
 def save(found: dict[str, Any], folder: Path, *, command: str) -> list[Path]:
@@ -47,18 +52,16 @@ def save(found: dict[str, Any], folder: Path, *, command: str) -> list[Path]:
 
 
 def show(found: dict[str, Any], name: str) -> None:
-    """Print the tables that people read."""
-    tables = {
-        f"{name}: compressor and decompressor, poses of true states": poses(found),
-        "stepper: free runs from true states; means, and what 95 % of the runs keep to": drifts(found),
-        "projector: its answers beside those of exact search": answers(found),
+    """Print the tables that people read, of learned motion matching or of a network of locomotion."""
+    tables = of_network(found, name) if "free_run" in found else of_stages(found, name)
+    tables |= {
         "driven over courses, means": systems(found["systems"]),
         "each course": systems(found["courses"], brief=True),
-        "mixtures; of projector P, stepper S, decompressor D those named are learned": systems(
-            found["mixtures"]
-        ),
-        "good enough?": [row | {"met": _WORDS[row["met"]]} for row in found["targets"]],
     }
+    if "mixtures" in found:
+        title = "mixtures; of projector P, stepper S, decompressor D those named are learned"
+        tables[title] = systems(found["mixtures"])
+    tables["good enough?"] = [row | {"met": _WORDS[row["met"]]} for row in found["targets"]]
     for title, rows in tables.items():
         console.print_table(rows, title=title)
         print()
@@ -68,7 +71,80 @@ def show(found: dict[str, Any], name: str) -> None:
 _WORDS = {True: "yes", False: "no", None: "-"}
 
 
-def poses(found: dict[str, Any]) -> list[dict[str, Any]]:
+def of_stages(found: dict[str, Any], name: str) -> dict[str, list[dict[str, Any]]]:
+    """Tables by title of the networks of learned motion matching, each alone."""
+    return {
+        f"{name}: compressor and decompressor, poses of true states": poses(found["decompressor"]),
+        "stepper: free runs from true states; means, and what 95 % of the runs keep to": drifts(found),
+        "projector: its answers beside those of exact search": answers(found),
+    }
+
+
+def of_network(found: dict[str, Any], name: str) -> dict[str, list[dict[str, Any]]]:
+    """Tables by title of a network of locomotion alone."""
+    return {
+        f"{name}: one step from true frames, under the true trajectory": poses(found["poses"]),
+        "free runs under the true trajectory; means, and what 95 % of the runs keep to": [
+            {"clips": PARTS[part].removesuffix(" clips")}
+            | {title: _rounded(row.get(key), 2) for key, title in RUN.items() if key in row}
+            for part, run in found["free_run"].items()
+            for row in run["drift"]
+        ],
+        "relative error of a step |t - p| / |t|, over files (the thesis, formula 3.1)": accuracy(found),
+        "what a frame of one character costs; operations by the thesis's formula 6.1": [
+            {title: _rounded(row[key], digits) for key, title, digits in COST} for row in found["costs"]
+        ],
+    }
+
+
+RUN = {
+    "steps": "frames",
+    "runs": "runs",
+    "joints_cm": "joints cm",
+    "joints_p95_cm": "95 %",
+    "rotation_deg": "rotations °",
+    "phase_deg": "phase °",
+    "phase_p95_deg": "phase 95 %",
+    "still_cm": "still cm",
+    "path_cm": "root cm",
+    "path_p95_cm": "root 95 %",
+    "heading_deg": "heading °",
+}
+COST = (
+    ("system", "system", 0),
+    ("operations", "operations", 0),
+    ("frame_us", "frame µs", 1),
+    ("network_us", "network µs", 1),
+    ("ns_per_operation", "ns an operation", 3),
+    ("memory_mb", "memory MB", 2),
+)
+
+
+def accuracy(found: dict[str, Any]) -> list[dict[str, Any]]:
+    """A row a network: mean and deviation of its files, the worst of them; how much two differ."""
+    rows = []
+    for name, one in ((found["kind"], found), ("against", found.get("against"))):
+        if one is not None:
+            worst = max(one["files"], key=lambda row: row["relative"] or 0)
+            rows.append(
+                {
+                    "network": name,
+                    "files": one["accuracy"]["files"],
+                    "mean": _rounded(one["accuracy"]["mean"], 4),
+                    "sd": _rounded(one["accuracy"]["sd"], 4),
+                    "worst file": worst["file"] + " (mirrored)" * worst["mirrored"],
+                    "its mean": _rounded(worst["relative"], 4),
+                    "differ by, sd": _rounded(one.get("significance"), 2),
+                }
+            )
+    return rows
+
+
+def _rounded(value: Any, digits: int) -> Any:
+    return round(value, digits) if isinstance(value, float) else value
+
+
+def poses(errors_of: dict[str, Any]) -> list[dict[str, Any]]:
     """A row a part of the data and kind of error."""
     kinds = {"position_cm": "position, cm", "rotation_deg": "rotation, °", "velocity_cm_s": "velocity, cm/s"}
     return [
@@ -81,7 +157,7 @@ def poses(found: dict[str, Any]) -> list[dict[str, Any]]:
             "worst joint": errors[kind]["worst_joint"],
             "its mean": round(errors[kind]["worst"], 3),
         }
-        for part, errors in found["decompressor"].items()
+        for part, errors in errors_of.items()
         for kind, title in kinds.items()
         if kind in errors
     ]

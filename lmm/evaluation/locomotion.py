@@ -1,0 +1,222 @@
+"""The whole judgement of a network of locomotion: alone, beside motion matching, and for a long time."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lmm import models
+from lmm.locomotion import given_labels
+from lmm.locomotion.labelling import labels_of
+from lmm.locomotion.model import LocomotionModel
+from lmm.locomotion.settings import LocomotionSettings
+from lmm.pfnn.model import PhaseModel
+from mm import metrics, quality
+from mm import queries as recorded
+from mm.controller import Controller
+from mm.database import Database
+from mm.settings import Settings
+from motion import console
+
+from . import cost, driving, free_runs
+from . import frames as one_step
+from .evaluate import (
+    DRIFT_CM,
+    DRIFT_STEPS,
+    HELD_OUT_CM,
+    SEED,
+    Plan,
+    about,
+    beside_matching,
+    lasting,
+    plain,
+    system_of,
+    target,
+)
+
+# What is good enough, besides: at most so much.
+OFF_PATH_CM, STALL_S = 50.0, 2.0
+THESIS_FRAME_US = 376.0  # HOLDEN's mean frame in the thesis's Table 5.1
+
+WHOLE = Plan()
+Progress = Callable[..., Iterator[Any]]
+
+
+def evaluate(
+    model: LocomotionModel,
+    database: Database,
+    plan: Plan = WHOLE,
+    *,
+    labels: str | os.PathLike[str] | None = None,
+    against: LocomotionModel | None = None,
+    seed: int = SEED,
+    progress: Progress = console.silent,
+) -> dict[str, Any]:
+    """All numbers, as plain data (None where there is none); a model of other data is a UserError.
+
+    poses : `frames.poses`, one step from true frames, of the training and the held-out clips.
+    free_run : of both, rows of `free_runs.Drift.table` and the whole curves.
+    files, accuracy : `frames.by_file` and `frames.over_files`, the thesis's accuracy.
+    against : the same two of another network of the same data, and the significance of the difference
+        (`mm.metrics.significance`); only where one is given.
+    costs : `cost.costs`.
+    courses, systems : rows of the model and of motion matching, feet held and not (`driving.Judge`).
+    endurance : `driving.last`; what a network goes on from are its joints in root space.
+    targets : what is good enough, what was found, and whether it is met.
+
+    labels is a folder of labels to take in place of those found (`lmm.locomotion.given_labels`).
+    """
+    model.check(database)
+    if against is not None:
+        against.check(database)
+    with np.errstate(over="ignore", invalid="ignore"):  # networks that run away are told of, not warned of
+        truth = truth_of(model, database, labels)
+        found: dict[str, Any] = {
+            "kind": model.family,
+            "database": about(database),
+            "model": _about_model(model),
+        }
+        found |= _frames(truth, plan, progress)
+        if against is not None:
+            found["against"] = compared(found["files"], truth_of(against, database, labels))
+        found["costs"] = cost.costs(model, database)
+        found |= _driven(model, database, plan, progress)
+        found["endurance"] = endure(model, database, plan, seed=seed, progress=progress)
+    found["targets"] = targets(found)
+    return plain(found)
+
+
+def truth_of(
+    model: LocomotionModel, database: Database, labels: str | os.PathLike[str] | None = None
+) -> one_step.Truth:
+    """A database with its labels, found or given, for a model."""
+    given = None if labels is None else given_labels.read(labels, database)
+    phased = isinstance(model, PhaseModel)
+    return one_step.Truth(model, database, labels_of(database, phase=phased, given=given))
+
+
+def _frames(truth: one_step.Truth, plan: Plan, progress: Progress) -> dict[str, Any]:
+    runs = {}
+    made = one_step.step(truth)
+    for part in progress(list(truth.parts), label="free runs", unit="parts of the data"):
+        drift = free_runs.drift(truth, part, runs=plan.starts)
+        runs[part] = {"drift": drift.table(), "curves": drift.curves()}
+    files = one_step.by_file(truth, made)
+    return {
+        "poses": one_step.poses(truth, made),
+        "free_run": runs,
+        "files": files,
+        "accuracy": one_step.over_files(files),
+    }
+
+
+def compared(files: list[dict[str, Any]], other: one_step.Truth) -> dict[str, Any]:
+    """The accuracy of another network, and how it differs from that of rows of `frames.by_file`."""
+    its = one_step.by_file(other, one_step.step(other))
+    series = [[row["relative"] for row in rows] for rows in (files, its)]
+    return {
+        "model": _about_model(other.model),
+        "files": its,
+        "accuracy": one_step.over_files(its),
+        "significance": metrics.significance(*series),
+    }
+
+
+def _driven(model: LocomotionModel, database: Database, plan: Plan, progress: Progress) -> dict[str, Any]:
+    judge = driving.Judge(database, plan.courses, seconds=plan.seconds)
+    jobs = [(s, course) for s in systems(model, database, count=plan.each) for course in judge.courses]
+    rows = [judge.judge(*job) for job in progress(jobs, label="courses", unit="runs")]
+    return {"courses": rows, "systems": driving.summary(rows)}
+
+
+def systems(model: LocomotionModel, database: Database, *, count: int) -> Iterator[Any]:
+    """Motion matching and the network, feet held where legs are whole, then both with their feet free."""
+    index = recorded.index_of(database)
+    (_, make), *_ = models.controllers(model).items()
+    for locked in (True, False) if model.description.legs is not None else (False,):
+        free = "" if locked else "-free"
+        settings = Settings(foot_lock=locked)
+        yield Controller(database, count=count, settings=settings, index=index, name=f"mm{free}")
+        yield make(count=count, settings=LocomotionSettings(foot_lock=locked), name=f"{model.family}{free}")
+
+
+def endure(
+    model: LocomotionModel, database: Database, plan: Plan, *, seed: int = SEED, progress: Progress
+) -> dict[str, Any]:
+    """`driving.last` of a network whose feet are free: does it leave the data?
+
+    Bones may be of any length, joints are shown where it puts them.
+    """
+    (_, make), *_ = models.controllers(model).items()
+    driven = make(count=plan.characters, settings=LocomotionSettings(foot_lock=False))
+    skeleton = database.skeleton
+
+    def joints() -> NDArray[np.floating]:
+        poses = driven.poses()
+        return quality.in_root_space(skeleton, poses.positions, poses.rotations).reshape(driven.count, -1)
+
+    return driving.last(
+        driven,
+        database,
+        states=joints,
+        ranges=_ranges(database),
+        columns=[f"{name} {axis}" for name in skeleton.names[1:] for axis in "xyz"],
+        loose_cm=np.inf,
+        seconds=60 * plan.minutes,
+        seed=seed,
+        progress=progress,
+    )
+
+
+def _ranges(database: Database, chunk: int = 4096) -> tuple[NDArray[np.floating], ...]:
+    """The least and the most [3 (J - 1)] of the joints in root space, and how far a joint moves there along
+    the axis along which it moves most: a spine that hardly ever leans aside may do so."""
+    lows, highs = [], []
+    for start in range(0, len(database), chunk):
+        poses = database.poses[slice(start, start + chunk)]
+        local = quality.in_root_space(database.skeleton, poses.positions, poses.rotations)
+        lows.append(local.min(axis=0))
+        highs.append(local.max(axis=0))
+    low, high = np.min(lows, axis=0), np.max(highs, axis=0)
+    return low.ravel(), high.ravel(), np.repeat((high - low).max(axis=1), 3)
+
+
+def targets(found: dict[str, Any]) -> list[dict[str, Any]]:
+    """Rows: what, the most that is good enough, what was found, whether it is met."""
+    rows = []
+    if "held_out" in found["poses"]:
+        error = found["poses"]["held_out"]["position_cm"]["mean"]
+        rows.append(target("joint error of one step, held-out clips, cm", HELD_OUT_CM, error))
+    for part, run in found["free_run"].items():
+        at = [row["joints_cm"] for row in run["drift"] if row["steps"] == DRIFT_STEPS]
+        if at:
+            what = f"drift after {DRIFT_STEPS} frames, {part.replace('_', '-')} clips, cm"
+            rows.append(target(what, DRIFT_CM, at[0]))
+    family = found["kind"]
+    mine = system_of(found, family)
+    if mine:
+        rows.append(target("furthest from the path on any course, cm", OFF_PATH_CM, mine.get("path_max_cm")))
+        stall = [run["stall_s"] for run in (mine, found["endurance"]) if run.get("stall_s") is not None]
+        what = "longest time without a step when asked to go, s"
+        rows.append(target(what, STALL_S, max(stall, default=None)))
+    rows += beside_matching(found, family)
+    if found["costs"]:
+        least = min(row["frame_us"] for row in found["costs"])
+        rows.append(target("a frame of one character, µs", THESIS_FRAME_US, least))
+    return [*rows, lasting(found)]
+
+
+def _about_model(model: LocomotionModel) -> dict[str, Any]:
+    return {
+        "fingerprint": model.fingerprint,
+        "parameters": model.parameters,
+        "memory": model.weight_bytes(),
+        "sizes": list(model.network.sizes),
+        "weights": model.network.weight_type,
+        "held_out": list(model.held_out),
+        "training": model.training,
+    }
