@@ -151,6 +151,29 @@ def export(db: str, output: str) -> None:
         print(f"{path}: {path.stat().st_size / 1e6:.1f} MB")
 
 
+@main.command(epilog="Example: python -m mm enlarge walk.mmdb -o ava.mmdb --joints 191")
+@click.argument("db", type=click.Path())
+@OUTPUT
+@click.option(
+    "--joints", type=click.IntRange(1, 10_000), default=191, show_default=True, help="So many in all."
+)
+def enlarge(db: str, output: str, joints: int) -> None:
+    """Add fingers, a face and helper joints to a database's skeleton, as rigs of productions have them.
+
+    They are fixed to their parents, the motion stays: a database to see what a network of a large rig costs,
+    and how well it does. It takes 52 bytes a frame and joint.
+    """
+    from motion import files
+
+    from .database import Database
+    from .enlarged import enlarged
+
+    files.check_output(output, inputs=[db])
+    large = enlarged(Database.load(db), joints)
+    large.save(output)
+    print(_wrote(output, large))
+
+
 main.add_command(run)
 main.add_command(courses)
 main.add_command(settings)
