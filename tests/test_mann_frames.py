@@ -1,4 +1,4 @@
-"""lmm.mann.frames and statistics: a network that gives a clip's own frames plays the clip; inputs; ends."""
+"""lmm.mann.frames: a network that gives a clip's own frames plays the clip; inputs; ends; statistics."""
 
 from __future__ import annotations
 
@@ -10,13 +10,12 @@ from features.labels import Labels
 from lmm.locomotion import settings as settings_types
 from lmm.locomotion import trajectory
 from lmm.locomotion.labelling import labels_of
-from lmm.locomotion.statistics import joint_weights
+from lmm.locomotion.statistics import joint_weights, statistics
 from lmm.locomotion.window import GAITS
 from lmm.mann import steps
 from lmm.mann.controller import CHARACTER, PAST
 from lmm.mann.frames import Frames, frames, wanted_speeds
 from lmm.mann.layout import Layout
-from lmm.mann.statistics import statistics
 from mm.database import Database
 from motion import kinematics, quat
 
@@ -160,7 +159,7 @@ def test_labels_must_fit(database: Database, labels: Labels) -> None:
 def test_joints_count_as_much_as_the_trajectory(database: Database, found: Frames) -> None:
     layout = layout_of(database)
     weights = joint_weights(database.skeleton)
-    stats = statistics(found.x, found.y, layout, weights)
+    stats = statistics(found.x, found.y, layout, weights, joint_scale=1.0)
     for block in ("positions", "rotations", "velocities", "speeds"):
         spread = found.x[:, layout.inputs[block]].std(axis=0).mean()
         np.testing.assert_allclose(stats["input_std"][layout.inputs[block]], spread, rtol=1e-3)
@@ -171,5 +170,7 @@ def test_joints_count_as_much_as_the_trajectory(database: Database, found: Frame
     ratio = less["input_std"] / stats["input_std"]
     np.testing.assert_allclose(ratio, np.where(np.arange(len(ratio)) < 156, 1, 10), rtol=1e-5)
     weights[2] = 0
-    unseen = statistics(found.x, found.y, layout, weights)["input_std"][layout.inputs["rotations"]]
+    unseen = statistics(found.x, found.y, layout, weights, joint_scale=1.0)["input_std"][
+        layout.inputs["rotations"]
+    ]
     assert (unseen.reshape(-1, 6)[2] > 1e6).all() and (unseen.reshape(-1, 6)[3] < 1e3).all()

@@ -8,8 +8,8 @@ import numpy as np
 import pfnn_models
 import pytest
 
+from lmm.locomotion.settings import LocomotionSettings
 from lmm.pfnn.controller import STAGES, PhaseController
-from lmm.pfnn.settings import PhaseSettings
 from mm import course as courses
 from mm.control import Command
 from mm.recording import Recording, record
@@ -82,7 +82,7 @@ def test_reset_puts_everyone_at_rest_and_the_same_commands_do_the_same_again() -
 def test_where_characters_stand_does_not_matter_to_them() -> None:
     """Root-space poses are the same anywhere, but for rounding."""
     model = pfnn_models.model()
-    controller = PhaseController(model, count=2, settings=PhaseSettings(foot_lock=False))
+    controller = PhaseController(model, count=2, settings=LocomotionSettings(foot_lock=False))
     controller.reset([[0, 0], [40, -30]], [0, 2.0])
     for _ in range(40):
         command = Command.still(2)
@@ -93,7 +93,7 @@ def test_where_characters_stand_does_not_matter_to_them() -> None:
 
 
 def test_rates_are_those_of_the_poses_shown() -> None:
-    controller = PhaseController(pfnn_models.model(), settings=PhaseSettings(foot_lock=False))
+    controller = PhaseController(pfnn_models.model(), settings=LocomotionSettings(foot_lock=False))
     before = controller.step(commands(1)).copy()
     after = controller.step(commands(1))
     np.testing.assert_allclose(after.velocities, (after.positions - before.positions) * 60, atol=1e-3)
@@ -102,7 +102,9 @@ def test_rates_are_those_of_the_poses_shown() -> None:
 
 
 def test_bones_keep_their_length_when_told_to() -> None:
-    controller = PhaseController(pfnn_models.model(), settings=PhaseSettings(stretch=False, foot_lock=False))
+    controller = PhaseController(
+        pfnn_models.model(), settings=LocomotionSettings(stretch=False, foot_lock=False)
+    )
     poses = controller.step(commands(1))
     under = controller.skeleton.parents > 0
     np.testing.assert_allclose(poses.positions[0, under], controller.skeleton.offsets[under], atol=1e-6)
@@ -173,7 +175,7 @@ def test_feet_in_contact_are_held() -> None:
     model = replace(model, network=replace(model.network, output_mean=mean, output_std=std))
     way = {}
     for lock in (True, False):
-        controller = PhaseController(model, settings=PhaseSettings(foot_lock=lock))
+        controller = PhaseController(model, settings=LocomotionSettings(foot_lock=lock))
         command, feet = Command.still(1), []
         command.velocity[0, 1] = 0.3
         for _ in range(24):
@@ -186,7 +188,7 @@ def test_feet_in_contact_are_held() -> None:
 
 
 def test_gaits_follow_the_command() -> None:
-    controller = PhaseController(pfnn_models.model(), settings=PhaseSettings(jog_from=1.5, jog_to=2.0))
+    controller = PhaseController(pfnn_models.model(), settings=LocomotionSettings(jog_from=1.5, jog_to=2.0))
     for speed, crouch, gait in ((0, False, 0), (1.0, False, 1), (3.0, False, 2), (1.0, True, 3)):
         command = Command.still(1)
         command.velocity[0, 1], command.crouch[0] = speed, crouch
@@ -220,4 +222,4 @@ def test_what_cannot_be_is_said() -> None:
 def test_settings_out_of_range_are_refused() -> None:
     for wrong in ({"position_bias": -1}, {"joint_smoothing": 1.0}, {"jog_from": 2.0, "jog_to": 1.0}):
         with pytest.raises(ConfigError):
-            PhaseSettings(**wrong)
+            LocomotionSettings(**wrong)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from features.labels import Labels
-from lmm.pfnn import settings as settings_types
+from lmm.locomotion import settings as settings_types
 from lmm.pfnn import steps, trajectory
 from lmm.pfnn.frames import Frames, frames
 from lmm.pfnn.layout import Layout
@@ -48,7 +48,7 @@ def test_who_puts_out_these_frames_plays_the_clip(database: Database, found: Fra
     layout = Layout(len(database.skeleton) - 1)
     out = np.array([part.start for part in layout.outputs.values()], np.int64)
     settings = settings_types.record(
-        settings_types.PhaseSettings(joint_smoothing=0.0), 60, walk_mps=1, run_mps=2
+        settings_types.LocomotionSettings(joint_smoothing=0.0), 60, walk_mps=1, run_mps=2
     )
     for start, stop in zip(database.starts, database.stops, strict=True):
         poses = database.poses[slice(int(start), int(stop))]

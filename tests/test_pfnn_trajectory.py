@@ -6,12 +6,12 @@ import numpy as np
 import pfnn_models
 import pytest
 
-from lmm.pfnn import settings as settings_types
+from lmm.locomotion import settings as settings_types
+from lmm.locomotion.settings import LocomotionSettings
 from lmm.pfnn import steps, steps_numpy, trajectory
 from lmm.pfnn.controller import PhaseController
 from lmm.pfnn.layout import GAITS, Inputs
 from lmm.pfnn.model import PhaseModel
-from lmm.pfnn.settings import PhaseSettings
 from mm.control import Command
 from motion import kinematics, quat, springs
 
@@ -29,7 +29,9 @@ def turn(vectors: np.ndarray, yaw: float) -> np.ndarray:
 class Window:
     """The whole loop as REFERENCE 4.2 tells it: one character, 120 frames at 60 Hz, joints in the world."""
 
-    def __init__(self, model: PhaseModel, settings: PhaseSettings, start: PhaseController, ground) -> None:
+    def __init__(
+        self, model: PhaseModel, settings: LocomotionSettings, start: PhaseController, ground
+    ) -> None:
         self.model, self.settings, self.ground = model, settings, ground
         c = start.characters[0]
         self.path = np.tile(c["root"][:2].astype(float), (WINDOW, 1))
@@ -119,7 +121,7 @@ def hills(x: np.ndarray, z: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("stretch", [0.5, 2.0])
 def test_it_is_the_window_of_120_frames(stretch: float) -> None:
-    settings = PhaseSettings(position_bias=stretch, direction_bias=3.0, foot_lock=False, jog_from=1.0,
+    settings = LocomotionSettings(position_bias=stretch, direction_bias=3.0, foot_lock=False, jog_from=1.0,
                              jog_to=2.0, velocity_halflife=0.05)  # fmt: skip
     model = pfnn_models.model()
     controller = PhaseController(model, settings=settings, ground=hills)
@@ -194,7 +196,7 @@ def run(kernels, name: str, model: PhaseModel, stretch: bool = True) -> dict:
         np.array([part.start for part in blocks.values()], np.int64)
         for blocks in (model.layout.inputs, model.layout.outputs)
     )
-    settings = settings_types.record(PhaseSettings(facing_halflife=0.1), 60, walk_mps=0.5, run_mps=1.5)
+    settings = settings_types.record(LocomotionSettings(facing_halflife=0.1), 60, walk_mps=0.5, run_mps=1.5)
     if name == "plan":
         blend = trajectory.blend(10, 2.0, 5.0)
         assert kernels.plan(

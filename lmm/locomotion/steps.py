@@ -26,7 +26,7 @@ def plan(characters, past, head, velocity, yaw, turn_rate, crouch, settings, sum
     """Take commands in, blend the future with them, and write the inputs [N, I] but for the heights.
 
     velocity [N, 2], yaw, turn_rate, crouch [N]: see `mm.control.Command`. sums, turns [5]: see
-    `lmm.pfnn.trajectory.blend`. Returns the first character whose command is not finite, before which
+    `lmm.locomotion.trajectory.blend`. Returns the first character whose command is not finite, before which
     nothing was done; or -1.
     """
     s = settings[0]

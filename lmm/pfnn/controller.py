@@ -9,10 +9,10 @@ from features.terrain import Ground, flat
 
 from ..evaluator import Products
 from ..locomotion.controller import STAGES, LocomotionController
+from ..locomotion.settings import LocomotionSettings
 from . import steps, steps_numpy, trajectory
 from .evaluator import PhaseEvaluator
 from .model import PhaseModel
-from .settings import PhaseSettings
 from .spline import Mode
 
 __all__ = ["STAGES", "PhaseController"]
@@ -27,7 +27,7 @@ class PhaseController(LocomotionController):
     count : N.
     mode : how weights are made of the phase, see `lmm.pfnn.spline`.
     products : of the network's numbers, see `lmm.pfnn.evaluator`.
-    settings : see `lmm.pfnn.settings.PhaseSettings`.
+    settings : see `lmm.locomotion.settings.LocomotionSettings`.
     ground : any function of heights (`features.terrain.Ground`); flat at 0 by default.
     obstacles : float [M, 5], see `mm.controller.Controller`; roots keep off them.
     compiled : use the compiled kernels; False takes their NumPy twins, for tests.
@@ -44,7 +44,7 @@ class PhaseController(LocomotionController):
         count: int = 1,
         mode: Mode = "cubic",
         products: Products = "float32",
-        settings: PhaseSettings | None = None,
+        settings: LocomotionSettings | None = None,
         ground: Ground = flat,
         obstacles: ArrayLike = (),
         compiled: bool = True,

@@ -1,4 +1,4 @@
-"""lmm.pfnn.statistics: deviations by block, weights of joints; as the published network has them."""
+"""lmm.locomotion.statistics: deviations by block, weights of joints; as the published network has them."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pfnn_models
 
+from lmm.locomotion.statistics import joint_weights, statistics
 from lmm.pfnn import published
 from lmm.pfnn.layout import Layout
-from lmm.pfnn.statistics import joint_weights, statistics
 from motion.skeleton import Skeleton
 
 LAYOUT = Layout(3)
