@@ -33,12 +33,13 @@ def test_the_reference_is_as_published() -> None:
 
 
 def test_configurations_are_a_layer_more_or_twice_as_long() -> None:
-    holden, deep, long = (preset("ours", "quick", name) for name in CONFIGURATIONS)
+    holden, deep, long, large = (preset("ours", "quick", name) for name in CONFIGURATIONS)
     assert (holden.pfnn.hidden, deep.pfnn.hidden) == ((512,) * 2, (512,) * 3)
     assert long.pfnn == dataclasses.replace(holden.pfnn, iterations=2 * holden.pfnn.iterations)
-    assert [one.configuration for one in (holden, deep, long)] == list(CONFIGURATIONS)
-    with pytest.raises(UserError, match="no configuration 'ava'; choose from holden, holden-xl"):
-        preset("ours", "quick", "ava")
+    assert large.pfnn == holden.pfnn  # the rig is the database's
+    assert [one.configuration for one in (holden, deep, long, large)] == list(CONFIGURATIONS)
+    with pytest.raises(UserError, match="no configuration 'bear'; choose from holden, holden-xl"):
+        preset("ours", "quick", "bear")
 
 
 def test_settings_go_through_plain_data_and_files(tmp_path: Path) -> None:

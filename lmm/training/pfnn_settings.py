@@ -8,8 +8,8 @@ from typing import Any, Literal
 from .locomotion_settings import LocomotionStageSettings, LocomotionTraining, ours
 from .settings import PRESETS, RECIPES, Optimiser, Schedule, check_names, check_range
 
-Configuration = Literal["holden", "holden-xl", "holden-xt"]
-CONFIGURATIONS: tuple[Configuration, ...] = ("holden", "holden-xl", "holden-xt")
+Configuration = Literal["holden", "holden-xl", "holden-xt", "ava"]
+CONFIGURATIONS: tuple[Configuration, ...] = ("holden", "holden-xl", "holden-xt", "ava")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +42,8 @@ class PhaseTraining(LocomotionTraining):
     Attributes
     ----------
     configuration : what the settings began as: "holden", the published network; "holden-xl", with one more
-        hidden layer; "holden-xt", trained twice as long.
+        hidden layer; "holden-xt", trained twice as long; "ava", as "holden": what makes it is its database,
+        of a large rig (`mm.enlarged`).
     pfnn : the training of the network.
     """
 
