@@ -123,9 +123,21 @@ def test_skeletons_that_do_not_do_are_one_line(
 
 
 def test_another_contact_is_named(database: Database) -> None:
-    other = replace(database, contact_roles=("left_hand", "right_hand"))
-    with pytest.raises(UserError, match="its contact 'left_hand' is none of left_heel, left_toe"):
+    other = replace(database, contact_roles=("left_foot", "right_foot"))
+    with pytest.raises(UserError, match="its contact 'left_foot' is none of left_heel, left_toe"):
         labels_of(other)
+
+
+def test_bodies_on_all_fours_have_no_phase(database: Database) -> None:
+    fours = replace(
+        database,
+        contact_roles=(*database.contact_roles, "left_hand", "right_hand"),
+        contacts=np.tile(database.contacts, 2),
+    )
+    with pytest.raises(UserError, match=r"on all fours: phases are of two feet; .* train --model mann$"):
+        labels_of(fours)
+    found = labels_of(fours, phase=False)
+    assert found.names[2:] == ("left_hand", "right_hand") and found.contacts.shape == (len(database), 4)
 
 
 def test_labels_that_are_given_take_the_place_of_those_found(

@@ -18,7 +18,10 @@ from motion.errors import Note, UserError
 
 NAMED = 5  # clips of a remark
 
-_REMEDY = "build a database of motion that can be, or correct the labels by hand and give --labels"
+_REMEDIES = {
+    True: "build a database of people who walk, give labels made by hand (--labels), or train --model mann",
+    False: "build a database of bodies whose hips and feet are known (--roles)",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,9 +52,11 @@ def labels_of(
     (`lmm.locomotion.given_labels`); where they have no phase their contacts tell it.
 
     Clips that cannot be labelled, such as those without a gait that can be walked where there is to be a
-    phase, are left out, and a `motion.errors.Note` tells which; where nothing is left, or what touches the
-    ground is not what the database says, that is a UserError.
+    phase, are left out, and a `motion.errors.Note` tells which. Where nothing is left, what touches the
+    ground is not what the database says, or there is to be a phase on all fours, that is a UserError.
     """
+    if phase and any(role.endswith("hand") for role in database.contact_roles):
+        raise UserError("a database of bodies on all fours: phases are of two feet", remedy=_REMEDIES[True])
     found: dict[int, Labels] = {}
     left_out: dict[str, str] = {}
     for r, name in enumerate(database.names):
@@ -63,9 +68,8 @@ def labels_of(
     kept = {r: labels for r, labels in found.items() if database.names[r] not in left_out}
     count = len(set(database.names))
     if not kept:
-        alone = len(left_out) == 1
-        what = f"none of {count} clips can be labelled: {_told(left_out)}" if not alone else _told(left_out)
-        raise UserError(what, remedy=_REMEDY)
+        what = f"none of {count} clips can be labelled: {_told(left_out)}"
+        raise UserError(what, remedy=_REMEDIES[phase])
     if left_out:
         are = "is" if len(left_out) == 1 else "are"
         line = f"{len(left_out)} of {count} clips {are} left out, without labels: {_told(left_out)}"
