@@ -203,3 +203,15 @@ def test_a_network_is_checked_before_it_drives(models):
     database = lmm_models.database(fps=30.0)
     with pytest.raises(UserError, match="60 frames per second, not 30"):
         systems.learned(models)[0].make(database, 1)
+
+
+def test_a_database_with_mirrored_copies_is_of_the_same_skeleton(database, models):
+    """What mirrors clips puts the hips over the root; bones stay as long as they are."""
+    skeleton = database.skeleton
+    offsets = skeleton.offsets.copy()
+    offsets[skeleton.role("hips"), 0] += 0.02
+    about = replace(models["pfnn"].description, skeleton=replace(skeleton, offsets=offsets))
+    replace(models["pfnn"], description=about).check(database)
+    offsets[skeleton.role("left_leg"), 1] += 0.02
+    with pytest.raises(UserError, match="bones of other lengths"):
+        replace(models["pfnn"], description=about).check(database)
