@@ -253,6 +253,11 @@ def test_a_checkpoint_says_where_the_training_stands(tmp_path: Path) -> None:
         ),
         ({}, "fedcba9876543210", r"of another database \(01234567, this is fedcba98\); give the one"),
         ({"threads": 2}, BASE, r"threads was 1, is 2"),
+        (
+            {"preset": "quick", "closed_loop": StageSettings(), "latent": 4},
+            BASE,
+            r"settings: preset was full, is quick, latent was 32, is 4, closed_loop was none, is given; give",
+        ),
     ],
 )
 def test_only_the_same_training_goes_on(
@@ -264,6 +269,11 @@ def test_only_the_same_training_goes_on(
     with pytest.raises(UserError, match=message):
         loop.run(_stages(), dataclasses.replace(SETTINGS, **change), output, database=database, resume=True)
     assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_a_checkpoint_that_is_gone_on_from_leaves_its_room_to_the_next(tmp_path: Path) -> None:
+    point = _stopped(tmp_path / "fit")
+    assert point.arrays and all(array.flags.owndata for array in point.arrays.values())  # none is mapped
 
 
 def test_another_version_of_torch_does_not_go_on(tmp_path: Path) -> None:

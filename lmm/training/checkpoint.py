@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from motion import files
@@ -16,6 +17,7 @@ from motion.errors import UserError
 
 KIND, VERSION = "training checkpoint", 1
 FREE = ("checkpoint_seconds",)  # settings that change nothing in what comes out
+LEADING = ("recipe", "preset", "configuration")  # settings that make others differ
 SHOWN = 3
 
 Errors = dict[str, dict[str, float]]
@@ -72,7 +74,8 @@ class Checkpoint:
         with files.content_of(path, KIND):
             for key in ("format", "version"):
                 metadata.pop(key)
-            return Checkpoint(**metadata, arrays=arrays)
+            # Copies: a mapped file would keep its room on the disk when the next checkpoint takes its place.
+            return Checkpoint(**metadata, arrays={name: np.array(array) for name, array in arrays.items()})
 
     def check(self, path: Path, settings: dict[str, Any], database: str, machine: dict[str, Any]) -> None:
         """A UserError that names what differs from how the training was begun."""
@@ -104,8 +107,14 @@ def differences(one: dict[str, Any], other: dict[str, Any], prefix: str = "") ->
 
 
 def _listed(told: dict[str, tuple[Any, Any]]) -> str:
-    first = [f"{name} was {was}, is {now}" for name, (was, now) in list(told.items())[:SHOWN]]
+    """The first differences, and before all those that others follow from."""
+    names = sorted(told, key=lambda name: name not in LEADING)
+    first = [f"{name} was {_brief(told[name][0])}, is {_brief(told[name][1])}" for name in names[:SHOWN]]
     return ", ".join(first) + f" and {len(told) - SHOWN} more" * (len(told) > SHOWN)
+
+
+def _brief(value: Any) -> str:
+    return "given" if isinstance(value, dict) else "none" if value is None else str(value)
 
 
 def path_of(output: str | os.PathLike[str]) -> Path:
