@@ -13,7 +13,7 @@ from features import contacts as touching
 from features import gait as gaits
 from features.labels import GAITS, Labels, label
 from mm.database import Database
-from motion import kinematics
+from motion import console, kinematics
 from motion.errors import Note, UserError
 
 NAMED = 5  # clips of a remark
@@ -59,7 +59,8 @@ def labels_of(
         raise UserError("a database of bodies on all fours: phases are of two feet", remedy=_REMEDIES[True])
     found: dict[int, Labels] = {}
     left_out: dict[str, str] = {}
-    for r, name in enumerate(database.names):
+    for r in console.progress(range(len(database.names)), label="labelling", unit="ranges"):
+        name = database.names[r]
         try:
             own = (given or {}).get(name)
             found[r] = _range(database, r, phase) if own is None else _given(database, r, phase, own)
