@@ -314,7 +314,9 @@ def test_a_cut_or_foreign_checkpoint_is_refused(tmp_path: Path) -> None:
         _train(output, _stages(), resume=True)
 
 
-@pytest.mark.parametrize(("fault", "told"), [(math.nan, "nan"), (math.inf, "inf"), (-math.inf, "-inf")])
+@pytest.mark.parametrize(
+    ("fault", "told"), [(math.nan, "nan"), (math.inf, "inf"), (-math.inf, "-inf"), (1e16, r"\S+e\+1\d")]
+)
 def test_a_term_that_is_no_number_stops_the_training(fault: float, told: str, tmp_path: Path) -> None:
     output, stages = tmp_path / "fit", _stages()
     stages[1].bad_at, stages[1].fault = 6, fault

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import math
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
@@ -19,6 +18,7 @@ from .stage import Stage
 
 SMOOTHING = 100  # iterations that a logged loss is averaged over
 SHOWN = 4  # terms of the loss
+LARGEST = 1e12  # loss, error, gradient or sum of weights
 
 
 class State:
@@ -167,8 +167,9 @@ def array_of(tensor: Tensor) -> NDArray:
 
 
 def check_finite(state: State, what: str, value: float) -> None:
-    if not math.isfinite(value):
+    """A UserError for what is no number, or one so large that the training has lost all it learned."""
+    if not abs(value) <= LARGEST:
         raise UserError(
-            f"{state.stage.name}, iteration {state.iteration:,}: {what} is {value}",
+            f"{state.stage.name}, iteration {state.iteration:,}: {what} is {value:.3g}",
             remedy="the last good checkpoint, if any, stays; train with a lower learning_rate, or with clip",
         )
