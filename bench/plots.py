@@ -25,6 +25,8 @@ STAGES = (
     "pose",
 )
 
+ABREAST = 7  # names in a line of a legend, at most
+
 
 def paths(traces: Sequence[Trace], labels: Sequence[str]) -> Any:
     """Where the systems walked on one course, over what was commanded."""
@@ -74,7 +76,8 @@ def over_time(traces: Sequence[Trace], labels: Sequence[str]) -> Any:
 
 def stacked(rows: pd.DataFrame, columns: Sequence[str], names: Sequence[str], unit: str) -> Any:
     """A horizontal bar a system, its parts stacked."""
-    picture, (axes,) = figure(9, 0.9 + 0.23 * len(rows))
+    lines = -(-len(names) // ABREAST)
+    picture, (axes,) = figure(9, 0.7 + 0.2 * lines + 0.23 * len(rows))
     left = np.zeros(len(rows))
     at = np.arange(len(rows))[::-1]
     for column, name in zip(columns, names, strict=True):
@@ -85,7 +88,7 @@ def stacked(rows: pd.DataFrame, columns: Sequence[str], names: Sequence[str], un
         axes.text(total, y, f" {total:.3g}", va="center", fontsize=7)
     axes.set_yticks(at, rows["system"])
     axes.set_xlabel(unit)
-    axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=len(names), fontsize=7)
+    axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=-(-len(names) // lines), fontsize=7)
     return picture
 
 

@@ -12,7 +12,7 @@ import pfnn_models
 import pytest
 from click.testing import CliRunner
 
-from bench import crowd, report, systems
+from bench import crowd, plots, report, systems
 from bench.cli import main
 from bench.compare import compare
 from lmm.evaluator import products_here
@@ -86,6 +86,14 @@ def test_the_page_shows_a_strip_of_each_family(compared, tmp_path):
         assert f"<figcaption>{caption}" in text
     for stage in ("trajectory", "network", "pose"):
         assert f">{stage}<" in text
+
+
+@pytest.mark.parametrize("draw", [plots.costs, plots.memory])
+def test_legends_of_many_parts_leave_room_for_the_bars(compared, draw):
+    picture = draw(compared.summary)
+    picture.draw_without_rendering()
+    (axes,) = picture.axes
+    assert len(axes.get_legend().get_texts()) > 10 and axes.get_position().width > 0.6
 
 
 class _Went:
