@@ -26,9 +26,16 @@ if TYPE_CHECKING:
 MODELS = ("lmm", "pfnn", "mann")
 
 
-@console.group("lmm", "Learned Motion Matching: train networks from a motion database, judge and run them.")
+@console.group(
+    "lmm",
+    "Learned Motion Matching, and networks of locomotion: train them from a motion database, then evaluate "
+    "and run them. Those called dancecard ship, to begin with.",
+)
 def main() -> None:
     pass
+
+
+main.epilog = "Example: python -m lmm run dancecard --course thesis -o lap.bvh"
 
 
 @main.command(epilog="Example: python -m lmm train walk.mmdb -o walk.lmm --preset quick")
@@ -43,7 +50,11 @@ def main() -> None:
     help="Learned Motion Matching, a phase-functioned or a mode-adaptive network.",
 )
 @click.option(
-    "--preset", type=click.Choice(PRESETS), default="full", show_default=True, help="How long to train."
+    "--preset",
+    type=click.Choice(PRESETS),
+    default="full",
+    show_default=True,
+    help="How long: seconds, to see that it works; less than half an hour on two cores; in full.",
 )
 @click.option(
     "--recipe", type=click.Choice(RECIPES), default="ours", show_default=True, help="Ours, or as published."
@@ -114,7 +125,8 @@ def train(
       batch = 64
       iterations = 20000
 
-    Those of a phase-functioned network stand in [pfnn], of a mode-adaptive one in [mann].
+    `info MODEL --json` lists them all. Those of a phase-functioned network stand in [pfnn], of a
+    mode-adaptive one in [mann].
     """
     from motion import files
 
@@ -193,7 +205,11 @@ def _minutes(output: str) -> float:
 @click.argument("model", type=click.Path())
 @console.json_option
 def info(model: str, as_json: bool) -> None:
-    """Describe a model."""
+    """Describe a model: what it is, what it was trained from and how, how wrong it is.
+
+    MODEL is a file that `train` wrote, or dancecard, which ships. With --json also all settings of its
+    training.
+    """
     from . import models
 
     loaded = models.load(model)

@@ -52,8 +52,9 @@ def run(
 ) -> None:
     """Drive characters over a course by learned motion matching, or by a network of locomotion.
 
-    MODEL is a model that `train` wrote. Alone it is all that is needed. With --db, which is the database that
-    it was trained from, any of the three stages of learned motion matching may be those of motion matching:
+    MODEL is a model that `train` wrote, or dancecard, which ships: networks of the clips that `python -m
+    motion dancecard` writes. Alone it is all that is needed. With --db, which is the database that it was
+    trained from, any of the three stages of learned motion matching may be those of motion matching:
     --learned D searches the database and plays its frames, and the network turns them into poses.
 
     Phase-functioned and mode-adaptive networks have no such stages; their --settings are those that

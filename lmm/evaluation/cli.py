@@ -62,9 +62,9 @@ def evaluate(
     """Judge a model: is it good enough, and if not, what is to blame?
 
     DB is the database that it was trained from. Of learned motion matching: the errors of the decompressor,
-    the stepper's drift and the projector's regret, on training clips and on held-out ones; how it drives a
-    character over courses beside motion matching, each stage alone replaced by its network too; and whether
-    anything diverges in ten minutes of random commands. Takes some minutes.
+    the stepper's drift and the projector's regret, on training clips and on held-out ones; how it drives
+    characters over courses beside motion matching, and all eight mixtures of both, which tell the stage that
+    is to blame; and whether anything diverges in ten minutes of random commands. Takes some minutes.
 
     Of a phase-functioned or mode-adaptive network: one step and free runs under the true trajectory, on
     training clips and on held-out ones; the relative error by file, as the thesis has it; what a frame
