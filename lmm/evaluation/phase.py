@@ -8,6 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from lmm.locomotion.layout import JOINTS
 from lmm.locomotion.window import Blocks
 
 Array = NDArray[np.float32]
@@ -65,7 +66,7 @@ def free_run(
 
 def joint_columns(layout: Blocks) -> tuple[slice, slice]:
     """The columns of the joints in the inputs, and of the same numbers in the outputs."""
-    blocks = [block for block in ("positions", "rotations", "velocities") if block in layout.inputs]
+    blocks = [block for block in JOINTS if block in layout.inputs]
     into, out = (
         slice(columns[blocks[0]].start, columns[blocks[-1]].stop)
         for columns in (layout.inputs, layout.outputs)

@@ -66,16 +66,16 @@ def labels_of(
             found[r] = _range(database, r, phase) if own is None else _given(database, r, phase, own)
         except UserError as error:
             left_out.setdefault(name, error.what)
-    kept = {r: labels for r, labels in found.items() if database.names[r] not in left_out}
+    told = {r: labels for r, labels in found.items() if database.names[r] not in left_out}
     count = len(set(database.names))
-    if not kept:
+    if not told:
         what = f"none of {count} clips can be labelled: {_told(left_out)}"
         raise UserError(what, remedy=_REMEDIES[phase])
     if left_out:
         are = "is" if len(left_out) == 1 else "are"
         line = f"{len(left_out)} of {count} clips {are} left out, without labels: {_told(left_out)}"
         warnings.warn(line, Note, stacklevel=2)
-    return _joined(database, kept, phase, left_out)
+    return _joined(database, told, phase, left_out)
 
 
 def _range(database: Database, r: int, phase: bool) -> Labels:
@@ -105,10 +105,10 @@ def _world(database: Database, r: int) -> tuple[NDArray, NDArray]:
 
 
 def _joined(
-    database: Database, kept: Mapping[int, Labels], phase: bool, left_out: Mapping[str, str]
+    database: Database, told: Mapping[int, Labels], phase: bool, left_out: Mapping[str, str]
 ) -> DatabaseLabels:
-    names = next(iter(kept.values())).names
-    if any(one.names != names for one in kept.values()):
+    names = next(iter(told.values())).names
+    if any(one.names != names for one in told.values()):
         what = "what touches the ground is not the same in all clips"
         raise UserError(what, remedy="build a database of clips that walk alike")
     unknown = [role for role in database.contact_roles if role not in names]
@@ -118,7 +118,7 @@ def _joined(
     contacts = np.zeros((len(database), len(names)), np.uint8)
     turns = np.zeros(len(database), np.float32) if phase else None
     gait = np.zeros((len(database), len(GAITS)), np.float32)
-    for r, one in kept.items():
+    for r, one in told.items():
         part = slice(int(database.starts[r]), int(database.stops[r]))
         contacts[part], gait[part] = one.contacts, one.gait
         if turns is not None:

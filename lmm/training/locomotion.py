@@ -16,6 +16,7 @@ from features.labels import Labels
 from lmm.evaluation.phase import free_run, joint_columns, joint_errors, windows
 from lmm.locomotion import statistics, trajectory
 from lmm.locomotion.labelling import kept
+from lmm.locomotion.layout import JOINTS
 from lmm.locomotion.settings import LocomotionSettings as Runtime
 from lmm.locomotion.window import FUTURE, PRESENT, SAMPLES, Blocks, size
 from mm.database import Database
@@ -31,7 +32,6 @@ JUDGED, RUNS, HORIZONS = 1500, 200, (30, 60)
 STATISTICS = 20_000  # frames that means and deviations are of
 LEAST = 0.1  # deviation of what is asked: who was trained on one gait, or straight on, is asked for others
 WORK = 300_000_000  # bytes that statistics, weights and batches take, whatever the data
-JOINTS = {"positions": 3, "rotations": 6, "velocities": 3}  # numbers of a joint in blocks of inputs
 
 
 @dataclass(eq=False)
@@ -93,8 +93,8 @@ class LocomotionData:
 class LocomotionStage:
     """A network, trained on windows that it runs through on its own output.
 
-    What is a network's own: how it goes from normalised inputs to outputs (`_network`), how far its joints'
-    inputs count, and what else is in its loss.
+    What is a network's own: what it takes beside its inputs, how far its joints' inputs count, and what else
+    is in its loss.
 
     Parameters
     ----------
@@ -141,8 +141,9 @@ class LocomotionStage:
 
         # In normalised inputs a deviation of a block is 1, of joints what the statistics make of it.
         noise = np.ones(layout.input_size, np.float32)
-        for block in JOINTS.keys() & layout.inputs.keys():
-            noise[layout.inputs[block]] = np.repeat(weights * self._joint_scale, JOINTS[block])
+        for block in layout.inputs.keys() & set(JOINTS):
+            joints = noise[layout.inputs[block]].reshape(len(weights), -1)
+            joints[:] = self._joint_scale * weights[:, None]
         noise[layout.inputs["gaits"]] = 0
         self._noise = torch.from_numpy(self._how.noise * noise).to(device)
         self._joints = joint_columns(layout)

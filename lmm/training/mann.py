@@ -12,7 +12,7 @@ from lmm.mann.frames import frames
 from lmm.mann.layout import Layout
 from lmm.mann.model import end_effectors
 
-from .locomotion import JOINTS, LocomotionData, LocomotionStage
+from .locomotion import LocomotionData, LocomotionStage
 from .mann_settings import MannStageSettings, MannTraining
 from .mixed_networks import ExpertLayers
 
@@ -45,7 +45,7 @@ class MannStage(LocomotionStage):
         # The gate sees joints as it sees what is asked, whatever they count for the experts.
         layout, weights = self._data.layout, joint_weights(self._data.database.skeleton)
         scale = np.ones(layout.input_size, np.float32)
-        velocities = np.repeat(weights, JOINTS["velocities"])
+        velocities = np.repeat(weights, 3)
         scale[layout.inputs["velocities"]] = np.where(velocities > 0, self._joint_scale, 1)
         self.network.heed(1 / scale[self.network.gate_columns.cpu().numpy()])
 

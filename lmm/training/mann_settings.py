@@ -15,7 +15,8 @@ class MannStageSettings(LocomotionStageSettings):
 
     Attributes
     ----------
-    epochs : passes over the frames that are trained on, which then say how many iterations; 0 for none.
+    epochs : passes over the frames that are trained on, which say how many iterations there are, whatever
+        iterations says; 0 leaves that to it.
     experts : K, how many weight sets there are.
     gate : width of the gate's two hidden layers.
     joint_scale : what an input's joint counts, against the trajectory; for the gate it is 1 at first.
