@@ -1,0 +1,218 @@
+"""lmm.locomotion.controller, whatever the network: the protocol of systems; N as one; rest, ground, feet."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from locomotion_models import CONTROLLERS, MODELS, commands, drift, gliding, part
+
+from lmm.locomotion.controller import STAGES
+from lmm.locomotion.settings import LocomotionSettings
+from mm import course as courses
+from mm.control import Command
+from mm.recording import Recording, record
+from motion import quat
+from motion.config import ConfigError
+from motion.errors import UserError
+
+
+@pytest.mark.parametrize(
+    ("kind", "of_model", "options"),
+    [
+        *(("pfnn", {}, {"mode": mode}) for mode in ("cubic", "linear", "constant")),
+        *(("mann", {"experts": experts}, {}) for experts in (4, 8)),
+    ],
+)
+def test_a_character_does_the_same_in_a_crowd_bit_for_bit(
+    kind: str, of_model: dict[str, Any], options: dict[str, Any]
+) -> None:
+    model, count = MODELS[kind](**of_model), 256
+    rng = np.random.default_rng(1)
+    starts, yaws = rng.uniform(-9, 9, (count, 2)), rng.uniform(-3, 3, count)
+    crowd = CONTROLLERS[kind](model, count=count, **options)
+    crowd.reset(starts, yaws)
+    alone = {n: CONTROLLERS[kind](model, **options) for n in (0, 100, 255)}
+    for n, one in alone.items():
+        one.reset(starts[n : n + 1], yaws[n : n + 1])
+    for frame in range(60):
+        command = commands(count, frame // 20)
+        poses = crowd.step(command)
+        for n, one in alone.items():
+            for name, array in one.step(part(command, n)).arrays().items():
+                np.testing.assert_array_equal(array[0], poses.arrays()[name][n], err_msg=name)
+
+
+@pytest.mark.parametrize("kind", MODELS)
+def test_compiled_and_plain_do_the_same(kind: str) -> None:
+    model = MODELS[kind]()
+    one, other = (CONTROLLERS[kind](model, count=4, compiled=compiled) for compiled in (True, False))
+    for frame in range(30):
+        command = commands(4, frame // 10)
+        found, expected = one.step(command), other.step(command)
+        np.testing.assert_allclose(found.positions, expected.positions, atol=2e-4)
+        assert np.degrees(quat.angle_between(found.rotations, expected.rotations)).max() < 0.5
+
+
+@pytest.mark.parametrize("kind", MODELS)
+def test_reset_puts_everyone_at_rest_and_the_same_commands_do_the_same_again(kind: str) -> None:
+    controller = CONTROLLERS[kind](MODELS[kind](), count=3)
+    starts, yaws = [[1, 2], [3, 4], [-5, 0]], [0.5, -3.0, 4.0]
+    runs = []
+    for _ in range(2):
+        controller.reset(starts, yaws)
+        rest = controller.poses().copy()
+        np.testing.assert_allclose(rest.positions[:, 0][:, [0, 2]], starts)
+        np.testing.assert_allclose(np.cos(quat.yaw(rest.rotations[:, 0]) - yaws), 1, atol=1e-6)
+        np.testing.assert_allclose(rest.positions[1, 1:], rest.positions[0, 1:])
+        assert not rest.velocities.any() and not controller.planted().any()
+        runs.append(np.stack([controller.step(commands(3)).positions.copy() for _ in range(20)]))
+    np.testing.assert_array_equal(*runs)
+    first = CONTROLLERS[kind](MODELS[kind](), count=3)
+    first.reset(starts, yaws)
+    np.testing.assert_array_equal(first.step(commands(3)).positions, runs[0][0])
+
+
+@pytest.mark.parametrize("kind", MODELS)
+def test_where_characters_stand_does_not_matter_to_them(kind: str) -> None:
+    """Root-space poses are the same anywhere, but for rounding."""
+    model = MODELS[kind]()
+    controller = CONTROLLERS[kind](model, count=2, settings=LocomotionSettings(foot_lock=False))
+    controller.reset([[0, 0], [40, -30]], [0, 2.0])
+    for _ in range(40):
+        command = Command.still(2)
+        command.velocity[:] = [[0, 1.5], [1.5 * np.sin(2), 1.5 * np.cos(2)]]
+        command.yaw[:] = 0, 2
+        poses = controller.step(command)
+    np.testing.assert_allclose(poses.positions[0, 1:], poses.positions[1, 1:], atol=1e-3)
+
+
+@pytest.mark.parametrize("kind", MODELS)
+def test_rates_are_those_of_the_poses_shown(kind: str) -> None:
+    controller = CONTROLLERS[kind](MODELS[kind](), settings=LocomotionSettings(foot_lock=False))
+    before = controller.step(commands(1)).copy()
+    after = controller.step(commands(1))
+    np.testing.assert_allclose(after.velocities, (after.positions - before.positions) * 60, atol=1e-3)
+    turned = quat.mul(quat.exp(after.angular_velocities / 60), before.rotations)
+    assert quat.angle_between(turned, after.rotations).max() < 1e-3
+
+
+@pytest.mark.parametrize("kind", MODELS)
+def test_bones_keep_their_length_when_told_to(kind: str) -> None:
+    controller = CONTROLLERS[kind](
+        MODELS[kind](), settings=LocomotionSettings(stretch=False, foot_lock=False)
+    )
+    poses = controller.step(commands(1))
+    under = controller.skeleton.parents > 0
+    np.testing.assert_allclose(poses.positions[0, under], controller.skeleton.offsets[under], atol=1e-6)
+
+
+@pytest.mark.parametrize("kind", MODELS)
+def test_stages_are_timed_when_asked(kind: str) -> None:
+    controller = CONTROLLERS[kind](MODELS[kind]())
+    controller.step(commands(1))
+    assert not any(controller.stage_seconds.values())
+    controller.timed = True
+    controller.step(commands(1))
+    assert tuple(controller.stage_seconds) == STAGES and all(t > 0 for t in controller.stage_seconds.values())
+
+
+@pytest.mark.parametrize("kind", MODELS)
+def test_the_root_stands_on_the_ground(kind: str) -> None:
+    controller = CONTROLLERS[kind](MODELS[kind](), ground=lambda x, z: 0 * x + 2.5)
+    flat = CONTROLLERS[kind](MODELS[kind]())
+    for _ in range(5):
+        high, low = controller.step(commands(1)), flat.step(commands(1))
+        np.testing.assert_allclose(high.positions[0, 0], low.positions[0, 0] + [0, 2.5, 0], atol=1e-5)
+        np.testing.assert_allclose(high.positions[0, 1:], low.positions[0, 1:], atol=1e-5)
+
+
+@pytest.mark.parametrize("kind", MODELS)
+def test_obstacles_stop_the_root(kind: str) -> None:
+    model = MODELS[kind]()
+    mean = model.network.output_mean.copy()
+    mean[model.layout.outputs["root_velocity"]] = 0, 3
+    model = replace(model, network=replace(model.network, output_mean=mean))
+    controller = CONTROLLERS[kind](model, obstacles=[[0, 2, 5, 0.1, 0]])
+    command = Command.still(1)
+    command.velocity[0, 1] = 3
+    for _ in range(120):
+        poses = controller.step(command)
+    assert 1 < poses.positions[0, 0, 2] < 2 - 0.1 - 0.3 + 1e-4
+
+
+@pytest.mark.parametrize("kind", MODELS)
+def test_gaits_follow_the_command(kind: str) -> None:
+    controller = CONTROLLERS[kind](MODELS[kind](), settings=LocomotionSettings(jog_from=1.5, jog_to=2.0))
+    for speed, crouch, gait in ((0, False, 0), (1.0, False, 1), (3.0, False, 2), (1.0, True, 3)):
+        command = Command.still(1)
+        command.velocity[0, 1], command.crouch[0] = speed, crouch
+        for _ in range(120):
+            controller.step(command)
+        np.testing.assert_allclose(controller.characters["gait"][0], np.eye(6)[gait], atol=1e-3)
+
+
+@pytest.mark.parametrize("fps", [30.0, 120.0])
+@pytest.mark.parametrize("kind", MODELS)
+def test_other_rates(kind: str, fps: float) -> None:
+    controller = CONTROLLERS[kind](MODELS[kind](fps=fps))
+    for _ in range(10):
+        poses = controller.step(commands(1))
+    assert controller.fps == fps and np.isfinite(poses.positions).all()
+
+
+@pytest.mark.parametrize(
+    ("kind", "own", "name"), [("pfnn", "phase", "pfnn-cubic"), ("mann", "experts", "mann-4")]
+)
+def test_it_is_driven_recorded_and_played_like_any_system(
+    tmp_path: Path, kind: str, own: str, name: str
+) -> None:
+    controller = CONTROLLERS[kind](MODELS[kind](), count=2)
+    run = record(controller, courses.load("start-stop"), seconds=1.0, progress=lambda it, **_: it)
+    assert run["positions"].shape == (60, 2, len(controller.skeleton), 3) and controller.name == name
+    np.testing.assert_array_equal(run["simulation_position"], run.roots()[0])
+    # It plays no frames, and neither searches nor jumps.
+    others = {"frame", "searched", "forced", "transition"} | ({"phase", "experts"} - {own})
+    assert not others & set(run.arrays)
+    np.testing.assert_allclose(run["gait"].sum(axis=-1), 1, atol=1e-5)
+    # The sample of the present is the root.
+    np.testing.assert_allclose(run["trajectory"][:, :, 6, :2], run.roots()[0], atol=1e-6)
+    run.save(tmp_path / "run")
+    np.testing.assert_array_equal(Recording.load(tmp_path / "run")[own], run[own])
+
+
+@pytest.mark.parametrize("kind", MODELS)
+def test_feet_in_contact_are_held(kind: str) -> None:
+    """All contacts on, the root drifts: the feet that are held stay, the free ones go along."""
+    model = gliding(MODELS[kind](spread=1e-4), bent=True)
+    toe = model.description.skeleton.role("left_toe")
+    held, free = (drift(model, toe, settings=LocomotionSettings(foot_lock=lock)) for lock in (True, False))
+    assert held[1].planted().all() and not free[1].planted().any()
+    assert held[0] < 0.01 * free[0]
+
+
+@pytest.mark.parametrize("kind", MODELS)
+def test_what_cannot_be_is_said(kind: str) -> None:
+    model, controllers = MODELS[kind](), CONTROLLERS[kind]
+    with pytest.raises(UserError, match="0 characters"):
+        controllers(model, count=0)
+    controller = controllers(model, count=3)
+    with pytest.raises(UserError, match="give 3 characters"):
+        controller.step(Command.still(2))
+    before, command = controller.characters.copy(), Command.still(3)
+    command.velocity[1, 0] = np.nan
+    with pytest.raises(UserError, match="character 1 is not finite"):
+        controller.step(command)
+    np.testing.assert_array_equal(controller.characters, before)
+    others = [name.replace("toe", "hand") for name in model.contacts]
+    with pytest.raises(UserError, match="nothing of the contact 'left_toe'"):
+        controllers(replace(model, contacts=tuple(others)))
+
+
+def test_settings_out_of_range_are_refused() -> None:
+    for wrong in ({"position_bias": -1}, {"joint_smoothing": 1.0}, {"jog_from": 2.0, "jog_to": 1.0}):
+        with pytest.raises(ConfigError):
+            LocomotionSettings(**wrong)
