@@ -1,4 +1,4 @@
-"""lmm.mann.controller and steps: against the twin; what goes in; two feet and four.."""
+"""lmm.mann.controller and steps: against the twin; what goes in; two feet and four."""
 
 from __future__ import annotations
 

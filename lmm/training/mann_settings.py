@@ -61,8 +61,8 @@ def preset(recipe: str = "ours", name: str = "full") -> MannTraining:
     """The settings of a recipe in a size; an unknown one is a UserError that lists those known.
 
     "reference" is the published recipe (REFERENCE 5): 150 passes over the data in batches of 32. "quick"
-    takes less than half an hour on one core, "full" three times as long where the recipe is ours; "smoke"
-    seconds, to see that all of it runs.
+    takes less than half an hour on one core for four experts, "full" three times as long where the recipe is
+    ours; "smoke" seconds, to see that all of it runs.
     """
     names: dict[str, Any] = {"recipe": recipe, "preset": name}
     check_names(names, {"recipe": RECIPES, "preset": PRESETS})
