@@ -74,7 +74,7 @@ main.epilog = "Example: python -m lmm run dancecard --course thesis -o lap.bvh"
     "--labels",
     type=click.Path(),
     metavar="FOLDER",
-    help="Take labels of phase and gaits from those in FOLDER, corrected by hand, where a clip has some.",
+    help="Take contacts, phase and gaits of clips from NAME.labels.csv in FOLDER, corrected by hand.",
 )
 @click.option("--seed", type=click.IntRange(0), help="Of clips held out, weights, batches.  [default: 0]")
 @click.option("--resume", is_flag=True, help="Go on from the checkpoint of a training that was stopped.")
