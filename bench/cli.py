@@ -426,6 +426,83 @@ def coverage(
             print(f"wrote {path}", file=sys.stderr)
 
 
+@main.command(
+    epilog="Example: python -m bench thesis walk.mmdb --models holden.pfnn,xl.pfnn --quick -o out/thesis"
+)
+@click.argument("db", type=click.Path())
+@click.option(
+    "--models",
+    type=Listed(),
+    default=(),
+    metavar="A,B",
+    help="Phase-functioned networks of this database; who has more joints is AVA.",
+)
+@click.option("-o", "--output", type=click.Path(), metavar="DIR", help="Write tables and report there.")
+@click.option("--quick", is_flag=True, help="Train nothing: what no model is given for stays empty.")
+@click.option(
+    "--preset",
+    type=click.Choice(("full", "quick", "smoke")),
+    default="quick",
+    show_default=True,
+    help="How long to train what is missing.",
+)
+@click.option("--laps", type=click.IntRange(2, 1000), default=19, show_default=True, help="Of the course.")
+@click.option(
+    "--mode",
+    type=click.Choice(("cubic", "linear", "constant")),
+    default="constant",
+    show_default=True,
+    help="How weights are made of the phase on the laps.",
+)
+@console.json_option
+def thesis(
+    db: str,
+    models: tuple[str, ...],
+    output: str | None,
+    quick: bool,
+    preset: str,
+    laps: int,
+    mode: Any,
+    as_json: bool,
+) -> None:
+    """Reproduce the thesis's experiment with phase-functioned networks, beside its own figures.
+
+    DB is the database that the models were trained from. Time of a frame over 19 laps of the course of six
+    waypoints; relative error by file; how long labelling, training, loading and a frame take, and how large
+    all of it is; training curves, from the logs beside the models: for HOLDEN, HOLDEN-XL with one more
+    hidden layer, HOLDEN-XT trained twice as long, AVA of a rig of 191 joints, and AVA-M, AVA's error on the
+    joints that the others have, too.
+
+    Configurations without a model are trained into the folder, hours in all, and found there again; what was
+    stopped goes on. With --quick they stay empty. The folder gets summary.csv, laps.csv, files.csv,
+    thesis.json and report.html.
+    """
+    from .thesis import measure, page, published, rows
+
+    folder = None if output is None else Path(output)
+    if folder is not None:
+        _check_outputs(folder, page.FILES)
+    elif not quick:
+        raise click.UsageError("a folder is needed to train models into: give -o DIR, or --quick")
+    databases = rows.Databases(_load(db))
+    placed = rows.placed(models, databases)
+    if folder is not None and not quick:
+        missing = [name for name in published.CONFIGURATIONS if name not in placed]
+        trained = [rows.train(databases, name, folder, preset=preset, note=_note) for name in missing]
+        placed = rows.placed([*models, *trained], databases)
+    found = measure.measure(databases, placed, laps=laps, mode=mode, name=db, progress=console.progress)
+    command = shlex.join(["python", "-m", "bench", *sys.argv[1:]])
+    if as_json:
+        console.print_json(page.to_json(found, command=command))
+    else:
+        console.print_table(page.brief(found), title=f"{db}: {laps} laps of the thesis's course, {mode} mode")
+        for line in found.notes:
+            print(f"note: {line}")
+    if folder is not None:
+        for path in page.save(found, folder, command=command):
+            print(f"wrote {path}", file=sys.stderr)
+
+
 def open_database(
     sources: tuple[str, ...], output: Path | None, chosen: dict[str, Any]
 ) -> tuple[Database, str]:

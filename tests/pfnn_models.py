@@ -50,11 +50,18 @@ def standing(found: Description) -> np.ndarray:
     return out
 
 
-def model(*, seed: int = 0, spread: float = 0.02, fps: float = 60.0) -> PhaseModel:
-    """A model whose outputs are about a standing pose, by so much."""
-    found = description(fps)
+def model(
+    *,
+    seed: int = 0,
+    spread: float = 0.02,
+    fps: float = 60.0,
+    layers: int = 2,
+    found: Description | None = None,
+) -> PhaseModel:
+    """A model whose outputs are about a standing pose, by so much, of so many hidden layers."""
+    found = found or description(fps)
     layout = Layout(len(found.skeleton) - 1, len(CONTACTS))
-    made = network(layout.input_size, 24, 24, layout.output_size, seed=seed)
+    made = network(layout.input_size, *[24] * layers, layout.output_size, seed=seed)
     std = np.full(layout.output_size, spread, np.float32)
     std[layout.outputs["contacts"]] = 1
     std[layout.outputs["root_velocity"]] = 1

@@ -1,0 +1,157 @@
+"""What the reproduction leaves behind: CSV, JSON, and one page that needs nothing else."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from bench.compare import plain
+from motion import figures, files
+
+from . import plots, published
+from .measure import Thesis
+
+# Column, title, digits after the point; of the summary.
+COLUMNS = (
+    ("frame_ms", "frame ms", 3),
+    ("frame_ms_sd", "sd", 4),
+    ("frame_median_ms", "median", 3),
+    ("published_frame_ms", "thesis", 3),
+    ("published_frame_ms_sd", "sd", 4),
+    ("relative", "relative error", 4),
+    ("relative_sd", "sd", 5),
+    ("published_relative", "thesis", 4),
+    ("published_relative_sd", "sd", 5),
+    ("operations", "operations", 0),
+    ("published_operations", "thesis", 0),
+    ("path_cm", "path cm", 1),
+    ("path_max_cm", "path max cm", 1),
+)
+FILES = ("summary.csv", "laps.csv", "files.csv", "thesis.json", "report.html")
+
+
+def save(thesis: Thesis, folder: Path, *, command: str) -> list[Path]:
+    """Write the tables, thesis.json and report.html, all of them or none."""
+    texts = {
+        "summary.csv": thesis.summary.to_csv(index=False, lineterminator="\n"),
+        "laps.csv": thesis.laps.to_csv(index=False, lineterminator="\n"),
+        "files.csv": thesis.files.to_csv(index=False, lineterminator="\n"),
+        "thesis.json": json.dumps(to_json(thesis, command=command), indent=1, allow_nan=False) + "\n",
+        "report.html": html(thesis, command=command),
+    }
+    with contextlib.ExitStack() as stack:
+        for name, text in texts.items():
+            stream = stack.enter_context(files.atomic(folder / name, "w"))
+            stream.write(text)
+            stream.flush()  # a disk that is full leaves all the old files
+    return [folder / name for name in texts]
+
+
+def to_json(thesis: Thesis, *, command: str) -> dict[str, Any]:
+    """All numbers and where they come from, as plain data."""
+    return {
+        "command": command,
+        "source": published.SOURCE,
+        "database": thesis.database,
+        "models": thesis.models,
+        "machine": thesis.machine,
+        "notes": thesis.notes,
+        "course": thesis.course,
+        "mode": thesis.mode,
+        "line": None if thesis.line is None else list(thesis.line),
+        "training": thesis.training,
+    } | {name: plain(getattr(thesis, name)) for name in _TABLES}
+
+
+_TABLES = ("summary", "differences", "modes", "pipeline", "sizes", "laps", "files")
+
+
+def brief(thesis: Thesis) -> list[dict[str, Any]]:
+    """Rows for the terminal."""
+    out = []
+    for row in thesis.summary.to_dict("records"):
+        cells: dict[str, Any] = {"configuration": row["configuration"]}
+        for name, title, digits in COLUMNS:
+            if name.endswith("_sd") and name.startswith("published"):
+                continue
+            title = f"{title} " if title in cells else title  # two columns are the thesis's, two deviations
+            while title in cells:
+                title += " "
+            value = row[name]
+            whole = None if value is None or not math.isfinite(value) else round(float(value), digits)
+            cells[title] = int(whole) if whole is not None and digits == 0 else whole
+        out.append(cells)
+    return out
+
+
+def number(value: Any, digits: int) -> str:
+    """A number with so many digits, a dash where there is none."""
+    if value is None or not math.isfinite(value):
+        return "–"
+    return f"{value:,.{digits}f}"
+
+
+def duration(seconds: float) -> str:
+    """Seconds as people say them; a dash where there are none."""
+    if not math.isfinite(seconds):
+        return "–"
+    for unit, size in (("h", 3600), ("min", 60), ("s", 1), ("ms", 1e-3)):
+        if seconds >= size or unit == "ms":
+            return f"{seconds / size:.3g} {unit}"
+    raise AssertionError
+
+
+def size(mb: float) -> str:
+    """MB as people say them; a dash where there are none."""
+    if not math.isfinite(mb):
+        return "–"
+    return f"{mb / 1000:.3g} GB" if mb >= 1000 else f"{mb:.3g} MB"
+
+
+def html(thesis: Thesis, *, command: str) -> str:
+    """The page."""
+    import jinja2
+
+    template = resources.files("bench") / "templates" / "thesis.html"
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
+    laps = thesis.laps.pivot(index="lap", columns="configuration", values="mean_ms")
+    return environment.from_string(template.read_text("utf-8")).render(
+        thesis=thesis,
+        source=published.SOURCE,
+        names=published.CONFIGURATIONS,
+        columns=COLUMNS,
+        summary=thesis.summary.to_dict("records"),
+        differences=thesis.differences.to_dict("records"),
+        modes=thesis.modes.to_dict("records"),
+        pipeline=thesis.pipeline.to_dict("records"),
+        sizes=thesis.sizes.to_dict("records"),
+        laps=[(lap, row.to_dict()) for lap, row in laps.iterrows()],
+        lapped=[name for name in published.CONFIGURATIONS if name in laps],
+        worst=_worst(thesis),
+        pictures=_pictures(thesis),
+        number=number,
+        duration=duration,
+        size=size,
+        command=command,
+    )
+
+
+def _worst(thesis: Thesis) -> list[dict[str, Any]]:
+    """The files of the largest error of each configuration."""
+    if not len(thesis.files):
+        return []
+    at = thesis.files.groupby("configuration", sort=False)["relative"].idxmax()
+    return thesis.files.loc[at].to_dict("records")
+
+
+def _pictures(thesis: Thesis) -> dict[str, str]:
+    """SVG by name; those of which nothing was measured show the thesis's part alone."""
+    out = {}
+    for name in ("laps", "lap_boxes", "files", "file_boxes", "training", "operations"):
+        with figures.style(name):
+            out[name] = figures.svg(getattr(plots, name)(thesis))
+    return out
