@@ -30,6 +30,7 @@ COLUMNS: tuple[tuple[str, str, int, str], ...] = (
     ("airborne_share", "airborne", 3, "share of frames with every foot over 5 cm above its rest: flight"),
     ("path_cm", "path cm", 1, "mean distance from the commanded path, on courses that have one"),
     ("path_p95_cm", "path p95", 1, "95th percentile of that distance"),
+    ("path_max_cm", "path max", 1, "the largest of that distance"),
     ("heading_deg", "heading °", 1, "mean difference between the facing and the commanded facing"),
     ("speed_response_s", "speed s", 2, "time from a step in the commanded speed to 90 % of it"),
     ("heading_response_s", "turn s", 2, "time from a step in the commanded facing to 90 % of it"),
@@ -47,6 +48,7 @@ COLUMNS: tuple[tuple[str, str, int, str], ...] = (
     ("mm_cm", "from mm cm", 1, "to what it shows at the same frame: being out of step counts"),
     ("transitions_per_s", "trans/s", 2, "transitions a second"),
     ("speed_ratio", "speed ratio", 2, "metres walked over metres commanded"),
+    ("stall_s", "no step s", 2, "longest time for which who was asked to go did not step"),
 )
 BRIEF = (
     "memory_mb",
