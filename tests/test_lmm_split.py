@@ -54,6 +54,23 @@ def test_a_share_of_0_holds_nothing_out() -> None:
     assert split.held_out(_database({"a": 300}), everything) == ()
 
 
+def test_of_every_kind_of_motion_something_is_trained_on() -> None:
+    database = _database({"a": 300, "b": 200, "c": 250, "d": 100})
+    kinds = {"a": {"walk"}, "b": {"crouch"}, "c": {"walk", "crouch"}}
+    drawn = set()
+    for seed in range(20):
+        settings = dataclasses.replace(SETTINGS, seed=seed, held_out=0.9)
+        names = split.held_out(database, settings, kinds=kinds)
+        drawn |= set(names)
+        trained = [found for name, found in kinds.items() if name not in names]
+        assert names and set().union(*trained) == {"walk", "crouch"}
+    assert drawn == {"a", "b", "c", "d"}
+    few = dataclasses.replace(SETTINGS, held_out=0.01)
+    assert split.held_out(database, few, kinds=kinds | {"d": {"jump"}}) == ("b",)
+    with pytest.raises(UserError, match=r"to hold a clip out: each has .* that no other has; .*--held-out 0"):
+        split.held_out(_database({"a": 300, "b": 200}), SETTINGS, kinds={"a": {1}, "b": {2}})
+
+
 @pytest.mark.parametrize(
     ("lengths", "message"),
     [

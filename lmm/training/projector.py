@@ -13,6 +13,7 @@ from torch import Tensor, nn
 from lmm.evaluation.projector import distances
 from lmm.frames import projector_inputs
 from mm import queries as recorded
+from mm.database import Database
 from mm.queries import Queries
 
 from .checkpoint import Errors
@@ -26,7 +27,7 @@ Array = NDArray[np.float32]
 JUDGED = 2000
 # Weights of features, latents, and the distance to the query (REFERENCE 3.2).
 WEIGHTS = (1.0, 5.0, 0.3)
-MOST = 400_000  # recorded queries, and as many made ones
+MOST = 400_000  # recorded queries
 FEWEST = 2_000
 REUSE = 8  # how often a query is shown, where the training is not longer than their number allows
 REAL = 0.5  # share of a batch that was recorded
@@ -38,8 +39,8 @@ class ProjectorStage:
     """The Projector, on exact answers of `mm`'s search with the controller's exclusions (REFERENCE 3.1, 3.2).
 
     The published recipe asks for rows with much noise. Ours has half of its queries from a driven crowd, and
-    makes the others of rows and residuals of recorded queries, so that noise is of the size and kind that a
-    controller's queries have (see `mm.queries.noise`).
+    makes the others, new ones for each batch, of rows and residuals of recorded queries, so that noise is of
+    the size and kind that a controller's queries have (see `mm.queries.noise`).
 
     Of the controller's exclusions ours learns the ends of clips and the tags, but not the frames around the
     current one, which a network is not told. Were they left out, a query that the present pose answers best
@@ -90,25 +91,28 @@ class ProjectorStage:
         # Queries of motion matching's crowd, and ones like them at held-out clips, with their answers.
         self.judged = {"training": judging}
         if "held_out" in data.parts():
-            self.judged["held_out"] = self.answered(self._make(JUDGED, judging, "held_out"))
+            draw = generator(self._all.seed, "made queries")
+            self.judged["held_out"] = self.answered(self._make(draw, JUDGED, judging, "held_out"))
         if self._all.recipe == "ours":
             count = min(max(self.settings.iterations * self.settings.batch // REUSE, FEWEST), MOST)
             self._real = self.answered(anywhere(self._record(count, training)))
-            self._made = self.answered(anywhere(self._make(count, self._real, "training")))
         self._begun = True
 
     def _record(self, count: int, seed: int) -> Queries:
         """What a crowd asks that plays the clips that are trained on, and no others."""
         return recorded.record(self._data.database, count, seed=seed, index=self._index)
 
-    def _make(self, count: int, like: tuple[Queries, NDArray[np.int64]], part: str) -> Queries:
+    def _make(
+        self, draw: np.random.Generator, count: int, like: tuple[Queries, NDArray[np.int64]], part: str
+    ) -> Queries:
         """Queries like recorded ones anywhere in a part: rows with the residuals of recorded queries."""
-        draw, (real, frames) = generator(self._all.seed, f"made queries, {part}"), like
-        residual = real.features - self._data.features[frames]
+        real, frames = like
+        some = draw.integers(0, len(frames), count)
+        residual = real.features[some] - self._data.features[frames[some]]
         train = self._data.frames[part]
         rows = train[draw.integers(0, len(train), count)].astype(np.int32)
         size = draw.uniform(0, LARGEST, (count, 1)).astype(np.float32)
-        features = self._data.features[rows] + size * residual[draw.integers(0, len(residual), count)]
+        features = self._data.features[rows] + size * residual
         crouches = (self._data.database.tags[rows] & np.uint32(self._tag)) != 0
         crouches ^= draw.random(count) < ELSE
         tag = np.full(count, self._tag, np.uint32)
@@ -134,13 +138,11 @@ class ProjectorStage:
         if self._all.recipe == "reference":
             queries, frames = self.answered(self._published(draw, batch))
             return self.inputs(queries), frames
-        parts = []
-        count = round(REAL * batch)
-        for (queries, frames), size in ((self._real, count), (self._made, batch - count)):
-            which = draw.integers(0, len(queries), size)
-            parts.append((self.inputs(queries.take(which)), frames[which]))
-        inputs, frames = (np.concatenate(part) for part in zip(*parts, strict=True))
-        return inputs, frames
+        queries, frames = self._real
+        which = draw.integers(0, len(queries), round(REAL * batch))
+        made, found = self.answered(anywhere(self._make(draw, batch - len(which), self._real, "training")))
+        inputs = np.concatenate([self.inputs(queries.take(which)), self.inputs(made)])
+        return inputs, np.concatenate([frames[which], found])
 
     def _published(self, draw: np.random.Generator, count: int) -> Queries:
         """Rows with the published noise, N(0, 1) x U(0, 1) x (column's deviation + 1)."""
@@ -198,6 +200,17 @@ class ProjectorStage:
             "regret": float(np.median(regret)),
             "latent": float(wrong / max(spread_of, 1e-6)),
         }
+
+
+def kinds(database: Database) -> dict[str, set[bool]]:
+    """By clip, whether some of what a search may answer with is crouched (True) or upright (False)."""
+    tag = np.uint32(database.tag_mask(["crouch"]) if "crouch" in database.tag_names else 0)
+    crouched = (database.tags & tag) != 0
+    ends = np.maximum(database.stops - round(recorded.SETTINGS.ignore_end * database.fps), database.starts)
+    found: dict[str, set[bool]] = {name: set() for name in database.names}
+    for name, start, stop in zip(database.names, database.starts, ends, strict=True):
+        found[name] |= set(np.unique(crouched[start:stop]).tolist())
+    return found
 
 
 def anywhere(queries: Queries) -> Queries:

@@ -11,7 +11,9 @@ import numpy as np
 from lmm.model import Model
 from mm.database import Database
 from mm.description import Description
+from mm.queries import SETTINGS
 from motion import config
+from motion.errors import UserError
 
 from . import checkpoint, loop, split
 from .checkpoint import Errors
@@ -19,7 +21,7 @@ from .closed_loop import ClosedLoopStage
 from .data import Data
 from .decompressor import DecompressorStage
 from .machine import check_memory
-from .projector import ProjectorStage
+from .projector import ProjectorStage, kinds
 from .settings import Settings
 from .stage import Stage
 from .stepper import StepperStage
@@ -39,7 +41,7 @@ def train(
     the settings say so. Beside output stand a log, and a checkpoint until the model is written. Errors: see
     `loop.run` and `split.held_out`.
     """
-    data = Data(database, split.held_out(database, settings))
+    data = Data(database, _held_out(database, settings))
     check_memory(data.memory())
     first = DecompressorStage(data, settings)
     second, third = StepperStage(data, settings, first), ProjectorStage(data, settings, first)
@@ -62,6 +64,17 @@ def train(
     trained.save(output)
     checkpoint.remove(checkpoint.path_of(output))
     return trained
+
+
+def _held_out(database: Database, settings: Settings) -> tuple[str, ...]:
+    """Clips to hold out; searches among the others find crouched frames and upright ones, where there are."""
+    found = kinds(database)
+    names = split.held_out(database, settings, kinds=found)
+    if not any(found.values()):
+        ends = round(SETTINGS.ignore_end * database.fps)
+        what = f"no clip is longer than its end that is not searched, {ends} frames"
+        raise UserError(f"too small a database: {what}", remedy="build one of longer clips")
+    return names
 
 
 def _model(
