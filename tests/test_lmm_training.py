@@ -18,9 +18,10 @@ from lmm.training.closed_loop import ClosedLoopStage  # noqa: E402
 from lmm.training.data import Data, floored, spread  # noqa: E402
 from lmm.training.decompressor import DecompressorStage  # noqa: E402
 from lmm.training.networks import Perceptron  # noqa: E402
-from lmm.training.projector import ProjectorStage  # noqa: E402
+from lmm.training.projector import ProjectorStage, kinds  # noqa: E402
 from lmm.training.stepper import StepperStage  # noqa: E402
 from lmm.training.train import train  # noqa: E402
+from motion.errors import UserError  # noqa: E402
 
 
 def settings(recipe: str = "ours", **changes: object):
@@ -188,12 +189,13 @@ def test_the_closed_loop_is_trained_on_what_its_own_networks_ask(database, train
     assert torch.equal(before, projector.projector.layers[0].weight)
 
 
-def test_a_crowd_that_runs_away_is_told_of(trained, projector, capsys):
+@pytest.mark.parametrize("speed", [1e6, np.nan])  # or is nowhere
+def test_a_crowd_that_runs_away_is_told_of(trained, projector, capsys, speed):
     """And the closed loop goes on without it."""
     stage = closed_loop(projector, trained)
     assert stage.evaluate()["training"]["ran_away"] < 0.5 and capsys.readouterr().err == ""
     stepper = trained.stepper
-    fast = np.full_like(stepper.biases[-1], 1e6)
+    fast = np.full_like(stepper.biases[-1], speed)
     lost = replace(trained, stepper=replace(stepper, biases=(*stepper.biases[:-1], fast)))
     stage = closed_loop(projector, lost)
     told = capsys.readouterr().err
@@ -234,6 +236,19 @@ def test_a_projector_of_crouching_data_is_told_who_crouches():
         asked = stage.inputs(queries)[:, -1] == 1
         assert np.array_equal((database.tags[frames] & tag) != 0, asked)
     assert 0 < stage.inputs(stage._made[0])[:, -1].mean() < 1
+
+
+def test_crouching_is_trained_on_and_so_is_going_upright(tmp_path):
+    """What a crowd asks for while it is trained on must be there, or hours later nobody can go on."""
+    database = lmm_models.database(crouch=True)
+    assert kinds(database) == {"straight": {True}, "run": {False}}
+    with pytest.raises(UserError, match="too small a database to hold a clip out: each has some motion"):
+        train(database, tmp_path / "walk.lmm", settings())
+    short = replace(database, stops=database.starts + 20)  # at 60 Hz no search looks at them
+    assert set(map(len, kinds(short).values())) == {0}
+    with pytest.raises(UserError, match="no clip is longer than its end that is not searched, 20 frames"):
+        train(short, tmp_path / "walk.lmm", settings())
+    assert not list(tmp_path.iterdir())
 
 
 def test_rates_do_not_cross_clips(database):

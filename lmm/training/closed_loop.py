@@ -18,6 +18,7 @@ from lmm.controller import controller
 from lmm.model import Model
 from mm import queries as recorded
 from mm.queries import Queries
+from motion.errors import UserError
 
 from .checkpoint import Errors
 from .data import Data
@@ -76,7 +77,10 @@ class ClosedLoopStage:
         crowd = controller(model, count=characters, settings=recorded.SETTINGS)
         seconds = count * recorded.SETTINGS.search_interval
         user = recorded.random_user(self._data.database, seconds, seed=seed)
-        queries = recorded.listen(crowd, user, count)
+        try:
+            queries = recorded.listen(crowd, user, count)
+        except UserError:  # where a character is, and with it the next command, is no number
+            return self._projector.judged["training"][0].take(slice(0)), 1.0
         usual = self._projector.judged["training"][0].features
         low, high = usual.min(axis=0), usual.max(axis=0)
         beyond = np.maximum(queries.features - high, low - queries.features)
