@@ -18,7 +18,7 @@ from lmm.cli import main
 from lmm.evaluation import cost, evaluate, frames, free_runs, locomotion, pictures, report
 from lmm.locomotion.labelling import labels_of
 from lmm.pfnn.network import PhaseNetwork
-from motion import quat
+from motion import console, quat
 from motion.errors import UserError
 
 BRIEF = evaluate.Plan(starts=20, courses=("circle",), seconds=1.0, each=2, minutes=0.02, characters=2)
@@ -193,8 +193,8 @@ def _found(**changes: Any) -> dict[str, Any]:
         "free_run": {"training": {"drift": [{"steps": 10, "joints_cm": 4.0}]}, "held_out": {"drift": []}},
         "costs": [{"frame_us": 500.0}, {"frame_us": 300.0}],
         "systems": [
-            {"system": "mm", "skate_cm_s": 5.0, "path_cm": 2.0},
-            {"system": "pfnn", "skate_cm_s": 5.0, "path_cm": 4.0, "path_max_cm": 51.0, "stall_s": 0.5},
+            {"system": "mm", "skate_cm_s": 5.0, "path_cm": 2.0, "stall_s": 0.3},
+            {"system": "pfnn", "skate_cm_s": 5.0, "path_cm": 4.0, "path_max_cm": 51.0, "stall_s": 3.0},
             {"system": "pfnn-free", "path_max_cm": 9.0},
         ],
         "endurance": {"minutes": 10.0, "passed": True, "stall_s": 3.0},
@@ -214,6 +214,9 @@ def test_targets_by_hand():
         (300.0, True),
         (None, True),
     ]
+    lame = [{"system": "mm", "stall_s": 4.0}, {"system": "pfnn", "stall_s": 3.5}]
+    row = next(r for r in locomotion.targets(_found(systems=lame)) if "without a step" in r["what"])
+    assert row == {"what": row["what"], "at most": 4.0, "found": 3.5, "met": True}
     lost = [{"system": "mm"}, {"system": "pfnn-free", "broke": 1}]
     rows = locomotion.targets(
         _found(systems=lost, endurance={"minutes": 0.1, "passed": False, "stall_s": None})
@@ -223,7 +226,7 @@ def test_targets_by_hand():
 
 
 @pytest.mark.parametrize("make", [pfnn_models.model, mann_models.model])
-def test_the_whole_judgement_of_each_kind(make, database, tmp_path, capsys):
+def test_the_whole_judgement_of_each_kind(make, database, tmp_path, capsys, monkeypatch):
     model = replace(make(), held_out=("run",))
     found = locomotion.evaluate(model, database, BRIEF, against=make(seed=1))
     json.dumps(found, allow_nan=False)
@@ -251,7 +254,22 @@ def test_the_whole_judgement_of_each_kind(make, database, tmp_path, capsys):
     ]
     assert all(path.stat().st_size > 1000 for path in written)
     del found["against"]
+    monkeypatch.setattr(pictures.figures, "png", lambda picture: b"")  # which takes longest
     assert set(pictures.all_of(found)) == {path.name for path in written} - {"evaluation.json"}
+
+
+def test_who_takes_no_step_has_died_out(database, monkeypatch):
+    """A network that stands in one pose, and is carried along in it."""
+    model = pfnn_models.model()
+    std = model.network.output_std
+    carried = replace(model.network, output_std=np.where(np.arange(len(std)) < 2, std, np.float32(0)))
+    monkeypatch.setattr(locomotion.driving, "MARGIN", np.inf)  # it need not stand as anybody of the data does
+    monkeypatch.setattr(locomotion.driving, "HASTE", np.inf)
+    plan = replace(BRIEF, minutes=0.25)
+    for most, passed in ((1.0, False), (100.0, True)):
+        monkeypatch.setattr(locomotion, "DIED_S", most)
+        found = locomotion.endure(replace(model, network=carried), database, plan, progress=console.silent)
+        assert 1 < found["stall_s"] < 100 and found["passed"] == passed
 
 
 def run(*arguments: Any, code: int = 0) -> Any:

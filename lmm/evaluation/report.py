@@ -228,6 +228,13 @@ def lasting(run: dict[str, Any]) -> str:
     return (
         f"{who} for {run['minutes']:.3g} minutes: states at most {beyond:.0f} % of a column's range beyond "
         f"it ({column}), bones off by at most {run['bone_excess_cm']:.2f} cm, roots at most "
-        f"{run['speed_mps']:.2f} m/s (data: {run['data_speed_mps']:.2f}): "
+        f"{run['speed_mps']:.2f} m/s (data: {run['data_speed_mps']:.2f}), {_stalled(run)}: "
         f"{'passed' if run['passed'] else 'not passed'}"
+    )
+
+
+def _stalled(run: dict[str, Any]) -> str:
+    stall = run["stall_s"]
+    return (
+        "no feet to step with" if stall is None else f"at most {stall:.1f} s without a step when asked to go"
     )
