@@ -19,6 +19,7 @@ from lmm.training.data import Data, floored, spread  # noqa: E402
 from lmm.training.decompressor import DecompressorStage  # noqa: E402
 from lmm.training.networks import Perceptron  # noqa: E402
 from lmm.training.projector import ProjectorStage, kinds  # noqa: E402
+from lmm.training.randomness import generator  # noqa: E402
 from lmm.training.stepper import StepperStage  # noqa: E402
 from lmm.training.train import train  # noqa: E402
 from motion.errors import UserError  # noqa: E402
@@ -132,14 +133,17 @@ def test_answers_of_the_projector_are_searched_among_what_it_may_know(database):
     stage = ProjectorStage(data, chosen, first)
     stage.begin()
     of_range = database.ranges()
-    for queries, frames in (stage._real, stage._made, *stage.judged.values()):
+    made, again, other = (stage.made(generator(seed, "made"), 200) for seed in (0, 0, 1))
+    np.testing.assert_array_equal(made[0].features, again[0].features)
+    assert not np.isin(made[0].features, other[0].features).any()
+    for queries, frames in (stage._real, made, *stage.judged.values()):
         assert len(queries) == len(frames) > 0
         assert not {database.names[r] for r in np.unique(of_range[frames])} & set(held)
         ends = database.stops[of_range[frames]] - queries.ignore_end
         assert (frames < ends).all()
     queries, frames = stage.judged["training"]
     assert (np.abs(queries.current - frames) >= queries.radius).all()
-    assert (stage._made[0].current == stage._real[0].current[0]).all() and stage._made[0].current[0] == -1
+    assert (made[0].current == -1).all() and (stage._real[0].current == -1).all()
     # Brute force agrees on a sample.
     allowed = np.isin(of_range, np.flatnonzero(data.ranges["training"]))
     allowed &= np.arange(len(database)) < (database.stops - queries.ignore_end)[of_range]

@@ -123,6 +123,10 @@ class ProjectorStage:
             real.radius, real.ignore_end,
         )  # fmt: skip
 
+    def made(self, draw: np.random.Generator, count: int) -> tuple[Queries, NDArray[np.int64]]:
+        """So many made queries to train on, less those without an answer, and their answers."""
+        return self.answered(anywhere(self._make(draw, count, self._real, "training")))
+
     def answered(self, queries: Queries) -> tuple[Queries, NDArray[np.int64]]:
         """Queries that have an answer, and the frames that answer them."""
         frames, _ = recorded.neighbours(self._index, queries)
@@ -140,7 +144,7 @@ class ProjectorStage:
             return self.inputs(queries), frames
         queries, frames = self._real
         which = draw.integers(0, len(queries), round(REAL * batch))
-        made, found = self.answered(anywhere(self._make(draw, batch - len(which), self._real, "training")))
+        made, found = self.made(draw, batch - len(which))
         inputs = np.concatenate([self.inputs(queries.take(which)), self.inputs(made)])
         return inputs, np.concatenate([frames[which], found])
 
