@@ -18,16 +18,16 @@ from .measure import Thesis
 # Column, title, digits after the point; of the summary.
 COLUMNS = (
     ("frame_ms", "frame ms", 3),
-    ("frame_ms_sd", "sd", 4),
-    ("frame_median_ms", "median", 3),
-    ("published_frame_ms", "thesis", 3),
-    ("published_frame_ms_sd", "sd", 4),
+    ("frame_ms_sd", "sd ms", 4),
+    ("frame_median_ms", "median ms", 3),
+    ("published_frame_ms", "thesis ms", 3),
+    ("published_frame_ms_sd", "its sd ms", 4),
     ("relative", "relative error", 4),
-    ("relative_sd", "sd", 5),
-    ("published_relative", "thesis", 4),
-    ("published_relative_sd", "sd", 5),
+    ("relative_sd", "sd of files", 5),
+    ("published_relative", "thesis error", 4),
+    ("published_relative_sd", "its sd of files", 5),
     ("operations", "operations", 0),
-    ("published_operations", "thesis", 0),
+    ("published_operations", "thesis operations", 0),
     ("path_cm", "path cm", 1),
     ("path_max_cm", "path max cm", 1),
 )
@@ -76,14 +76,9 @@ def brief(thesis: Thesis) -> list[dict[str, Any]]:
     for row in thesis.summary.to_dict("records"):
         cells: dict[str, Any] = {"configuration": row["configuration"]}
         for name, title, digits in COLUMNS:
-            if name.endswith("_sd") and name.startswith("published"):
-                continue
-            title = f"{title} " if title in cells else title  # two columns are the thesis's, two deviations
-            while title in cells:
-                title += " "
-            value = row[name]
-            whole = None if value is None or not math.isfinite(value) else round(float(value), digits)
-            cells[title] = int(whole) if whole is not None and digits == 0 else whole
+            if not (name.startswith("published") and name.endswith("_sd")):
+                known = math.isfinite(row[name])
+                cells[title] = round(float(row[name]), digits or None) if known else None
         out.append(cells)
     return out
 
