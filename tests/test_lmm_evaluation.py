@@ -299,6 +299,25 @@ def test_a_system_that_breaks_is_said_to_have_broken(database, exact):
     assert report.systems(found["systems"])[1]["broke"] == 2
 
 
+def test_what_is_no_number_is_shown_as_none():
+    """Networks whose outputs overflow are judged like others, and the tables and pictures say so."""
+    none = dict.fromkeys(("mean", "std", "p99", "worst"))
+    poses = {"position_cm": none | {"worst_joint": "a"}, "joints": {"a": None, "b": 1.0}}
+    (row,) = report.poses({"whole": poses})
+    assert row["worst joint"] == "a" and row["mean"] is row["std"] is row["p99"] is row["its mean"] is None
+    shares = [0.0] * (len(projector.BINS) - 1)
+    answers = {
+        "regret": {"median": None, "mean": None, "p95": None, "shares": shares},
+        "latent_error": None,
+        "off_data": None,
+    }
+    (row,) = report.answers({"projector": {"real": answers}})
+    assert set(row.values()) == {"real queries", None}
+    drawn = pictures.regret({"projector": {"real": answers}})
+    assert drawn.axes[0].get_legend().get_texts()[0].get_text() == "real queries: median -, 95 % -"
+    pictures.joints({"decompressor": {"training": poses}})
+
+
 def test_extremes_by_hand(database, exact):
     model = replace(
         exact, state_low=np.array([0, -1, 3], np.float32), state_high=np.array([2, 1, 3], np.float32)

@@ -46,7 +46,9 @@ def joints(found: dict[str, Any]) -> Any:
     at = np.arange(len(names))[::-1]
     height = 0.8 / len(parts)
     for i, (part, errors) in enumerate(parts.items()):
-        axes.barh(at + 0.4 - height * (i + 0.5), list(errors.values()), height=height, label=PARTS[part])
+        axes.barh(
+            at + 0.4 - height * (i + 0.5), _numbers(list(errors.values())), height=height, label=PARTS[part]
+        )
     axes.set_yticks(at, names, fontsize=7)
     axes.set_ylim(-0.7, len(names) - 0.3)
     axes.set_xlabel("mean distance from the true joint, root aligned, cm")
@@ -138,7 +140,8 @@ def regret(found: dict[str, Any]) -> Any:
     picture, (axes,) = figures.figure(6, 3.4)
     for kind, errors in found["projector"].items():
         of_it = errors["regret"]
-        told = f"{KINDS[kind]}: median {of_it['median']:.2f}, 95 % {of_it['p95']:.2f}"
+        median, p95 = ("-" if of_it[name] is None else f"{of_it[name]:.2f}" for name in ("median", "p95"))
+        told = f"{KINDS[kind]}: median {median}, 95 % {p95}"
         axes.stairs(100 * np.array(of_it["shares"]), BINS, label=told, linewidth=1.3)
     axes.axvline(1, color=figures.INK, linewidth=0.8, linestyle=(0, (4, 2)))
     axes.set_xlim(BINS[0], BINS[-1])

@@ -151,11 +151,11 @@ def poses(errors_of: dict[str, Any]) -> list[dict[str, Any]]:
         {
             "clips": {"whole": "all", "training": "training", "held_out": "held out"}[part],
             "error": title,
-            "mean": round(errors[kind]["mean"], 3),
-            "std": round(errors[kind]["std"], 3),
-            "p99": round(errors[kind]["p99"], 3),
+            "mean": _rounded(errors[kind]["mean"], 3),
+            "std": _rounded(errors[kind]["std"], 3),
+            "p99": _rounded(errors[kind]["p99"], 3),
             "worst joint": errors[kind]["worst_joint"],
-            "its mean": round(errors[kind]["worst"], 3),
+            "its mean": _rounded(errors[kind]["worst"], 3),
         }
         for part, errors in errors_of.items()
         for kind, title in kinds.items()
@@ -178,7 +178,7 @@ def drifts(found: dict[str, Any]) -> list[dict[str, Any]]:
     """A row a part of the data and number of frames."""
     return [
         {"clips": PARTS[part].removesuffix(" clips"), "frames": row["steps"], "runs": row["runs"]}
-        | {title: None if row[key] is None else round(row[key], 2) for key, title in DRIFT.items()}
+        | {title: _rounded(row[key], 2) for key, title in DRIFT.items()}
         for part, run in found["stepper"].items()
         for row in run["drift"]
     ]
@@ -192,11 +192,11 @@ def answers(found: dict[str, Any]) -> list[dict[str, Any]]:
         rows.append(
             {
                 "queries": KINDS[kind],
-                "regret, median": round(errors["regret"]["median"], 3),
-                "mean": round(errors["regret"]["mean"], 3),
-                "95 %": round(errors["regret"]["p95"], 3),
-                "latent error / spread": round(errors["latent_error"], 3),
-                "off the data": round(errors["off_data"], 3),
+                "regret, median": _rounded(errors["regret"]["median"], 3),
+                "mean": _rounded(errors["regret"]["mean"], 3),
+                "95 %": _rounded(errors["regret"]["p95"], 3),
+                "latent error / spread": _rounded(errors["latent_error"], 3),
+                "off the data": _rounded(errors["off_data"], 3),
                 "decides as search": decisions.get("as_search"),
                 "jumps": decisions.get("jumps"),
                 "search jumps": decisions.get("search_jumps"),
