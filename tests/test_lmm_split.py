@@ -49,6 +49,24 @@ def test_at_least_one_clip_and_not_all() -> None:
         assert len(names) == 1
 
 
+def test_pieces_of_a_file_go_together() -> None:
+    """Where bad frames were cut out of a clip, what follows them is as good as what went before."""
+    assert split.file_of("walk@0-1599") == split.file_of("walk@1600-1918") == split.file_of("walk") == "walk"
+    assert split.file_of("me@home-2") == "me@home-2"
+    pieces = {f"walk@{30 * i}-{30 * i + 30}": 30 for i in range(9)} | {"walk@270-280": 10}
+    database, drawn = _database(pieces | {"run": 100, "turn": 80}), set()
+    for seed in range(12):
+        for share in (0.1, 0.5):
+            settings = dataclasses.replace(SETTINGS, seed=seed, held_out=share)
+            names = split.held_out(database, settings)
+            assert names and set(names) < {*pieces, "run", "turn"}
+            assert len(pieces.keys() & names) in (0, len(pieces))
+            drawn |= set(names)
+    assert drawn == {*pieces, "run", "turn"}
+    with pytest.raises(UserError, match=r"^a database of one clip; "):
+        split.held_out(_database(pieces), SETTINGS)
+
+
 def test_a_share_of_0_holds_nothing_out() -> None:
     everything = dataclasses.replace(SETTINGS, held_out=0.0)
     assert split.held_out(_database({"a": 300}), everything) == ()

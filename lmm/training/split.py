@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
-from collections.abc import Collection, Hashable, Mapping
+from collections.abc import Collection, Hashable, Mapping, Sequence
 
 from mm.database import Database
 from motion.errors import UserError
@@ -21,9 +22,9 @@ def held_out(
 ) -> tuple[str, ...]:
     """Names of whole clips that make about settings.held_out of the frames, by settings.seed; at least one.
 
-    A clip's mirrored copy goes with it. Clips that are left out anyway do not count. Where one part would
-    have no clip that is as long as the longest window, a UserError says so. Of every kind of motion, which
-    clips have by name, there stays some that is trained on.
+    A clip's mirrored copy goes with it, and so do the other pieces of its file. Clips that are left out
+    anyway do not count. Where one part would have no clip that is as long as the longest window, a UserError
+    says so. Of every kind of motion, which clips have by name, there stays some that is trained on.
     """
     longest = settings.longest
     lengths = database.stops - database.starts
@@ -39,33 +40,57 @@ def held_out(
     if settings.held_out == 0:
         return ()
     able = [name for name in frames if fits[name]]
-    if len(able) < 2:
-        what = f"{len(able)} of {len(frames)} clips is as long as a window, {longest} frames"
+    files, able_files = ({file_of(name) for name in names} for names in (frames, able))
+    if len(able_files) < 2:
+        what = f"{len(able_files)} of {len(files)} clips is as long as a window, {longest} frames"
         raise UserError(
             f"too small a database to hold a clip out: {what}"
-            if len(frames) > 1
+            if len(files) > 1
             else "a database of one clip",
             remedy="build one of more clips, or train on all of it with --held-out 0",
         )
-    of = {name: set((kinds or {}).get(name, ())) for name in frames}
-    having = Counter(kind for name in frames for kind in of[name])
-    spare = [name for name in able if all(having[kind] > 1 for kind in of[name])]
-    if not spare:
+    taken = _drawn(frames, able, kinds or {}, settings)
+    return tuple(name for name in frames if file_of(name) in taken)
+
+
+def file_of(name: str) -> str:
+    """The clip that a piece was cut out of (see `mm.build`), where it is one: the name of its file."""
+    return re.sub(r"@\d+-\d+$", "", name)
+
+
+def _drawn(
+    frames: Mapping[str, int],
+    able: Sequence[str],
+    kinds: Mapping[str, Collection[Hashable]],
+    settings: Common,
+) -> set[str]:
+    """Files in random order, each taken that brings the share nearer to what is asked for."""
+    sizes: Counter[str] = Counter()
+    of: dict[str, set[Hashable]] = {}
+    for name, size in frames.items():
+        sizes[file_of(name)] += size
+        of.setdefault(file_of(name), set()).update(kinds.get(name, ()))
+    having = Counter(kind for found in of.values() for kind in found)
+
+    def spare(file: str) -> bool:
+        return all(having[kind] > 1 for kind in of[file])
+
+    places = generator(settings.seed, "held out").permutation(len(able))
+    order = list(dict.fromkeys(file_of(able[i]) for i in places))
+    if not any(map(spare, order)):
         raise UserError(
             "too small a database to hold a clip out: each has some motion that no other has",
             remedy="build one of more clips, or train on all of it with --held-out 0",
         )
-    order = [able[i] for i in generator(settings.seed, "held out").permutation(len(able))]
-    wanted = settings.held_out * sum(frames.values())
+    wanted = settings.held_out * sum(sizes.values())
     taken: set[str] = set()
     total = 0
-    for name in order[:-1]:  # the last one stays, whatever the share
-        nearer = abs(total + frames[name] - wanted) < abs(total - wanted)
-        if nearer and all(having[kind] > 1 for kind in of[name]):
-            taken.add(name)
-            total += frames[name]
-            having.subtract(of[name])
+    for file in order[:-1]:  # the last one stays, whatever the share
+        if spare(file) and abs(total + sizes[file] - wanted) < abs(total - wanted):
+            taken.add(file)
+            total += sizes[file]
+            having.subtract(of[file])
     if not taken:
         # All are longer than twice what is wanted: the shortest.
-        taken.add(min(spare, key=lambda name: frames[name]))
-    return tuple(name for name in frames if name in taken)
+        taken.add(min((file for file in sizes if file in order and spare(file)), key=lambda f: sizes[f]))
+    return taken
