@@ -44,8 +44,17 @@ def kind_of(model: AnyModel | str | os.PathLike[str]) -> str:
 
 
 def load(path: str | os.PathLike[str]) -> AnyModel:
-    """Read a model of any kind: a file, or one that ships, by its name. Errors: see `motion.files.load`."""
-    return TYPES[kind_of(path)].load(path)
+    """Read a model of any kind: a file, or one that ships, by its name.
+
+    What is no model is a UserError. Other errors: see `motion.files.load`.
+    """
+    found = files.format_of(pretrained.find(path))
+    if found not in _FORMATS:
+        what = "no model" if found is None else f"a {found}, no model"
+        ships = ", ".join(pretrained.names())
+        remedy = f"train one, or name one that ships ({ships})"
+        raise UserError(f"{what} of any kind that `lmm train` makes", path=path, remedy=remedy)
+    return TYPES[_FORMATS[found]].load(path)
 
 
 def describe(model: AnyModel, path: str) -> dict[str, Any]:

@@ -85,6 +85,12 @@ _OPTIONS = (
         help="Walk on this heightmap (`python -m features heightmap`), its middle at 0, 0.",
     ),
     click.option(
+        "--heights-spacing",
+        type=console.SIZE,
+        metavar="M",
+        help="Metres from number to number in it.  [default: 0.0394, as published ones have]",
+    ),
+    click.option(
         "--rig",
         type=click.Path(),
         metavar="FILE",
@@ -132,6 +138,7 @@ def perform(
     tape: str | None,
     character: int,
     heights: str | None,
+    heights_spacing: float | None,
     rig: str | None,
     rig_file: dict[str, Any],
     roles: str | None,
@@ -155,6 +162,8 @@ def perform(
         raise click.UsageError("--rig-unit and --rig-up are about the rig's file: give --rig FILE too")
     if rig is not None and heights is not None:
         raise click.UsageError("rigs stand on level ground: leave out --heights, or --rig")
+    if heights is None and heights_spacing is not None:
+        raise click.UsageError("--heights-spacing is that of a heightmap: give --heights FILE too")
     up, forward, handedness = axes.system(up, forward, handedness)
     convention = axes.Convention(up=up, forward=forward, handedness=handedness)
     inputs = (*given.values(), chosen["settings"], heights, rig, roles)
@@ -165,7 +174,9 @@ def perform(
     keep = None if tape else max(character + 1, KEPT)
     driven = load()
     body = None if rig is None else _rig(rig, roles, rig_file)
-    recording, shown = _drive(driven, keep=keep, heights=heights, rig=rig, body=body, **chosen)
+    recording, shown = _drive(
+        driven, keep=keep, heights=heights, heights_spacing=heights_spacing, rig=rig, body=body, **chosen
+    )
     if output:
         clip = recording.clip(character) if shown is None else shown.clip(recording, character)
         moved = convention.clip_to(clip)
@@ -212,6 +223,7 @@ def _drive(
     driven: Driven,
     *,
     heights: str | None,
+    heights_spacing: float | None,
     rig: str | None,
     body: Anatomy | None,
     course_name: str,
@@ -241,7 +253,7 @@ def _drive(
         chosen = replace(chosen, foot_lock=False)
     course = fitted(library.load(course_name), driven.description, **scaling)
     masks = driven.description.tag_mask(require_tag), driven.description.tag_mask(forbid_tag)
-    ground = None if heights is None else terrain.load(heights)
+    ground = None if heights is None else terrain.load(heights, spacing=heights_spacing or terrain.SPACING)
     seen = {"ground": ground} if ground is not None and driven.sees_ground else {}
     controller = driven.controller(count=count, settings=chosen, obstacles=course.obstacles(), **seen)
     controller.check_tags(*masks)

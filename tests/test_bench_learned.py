@@ -246,7 +246,7 @@ def test_without_whole_legs_from_the_command_line(without_legs, tmp_path):
     [
         (("compare", "slow.mmdb", "--model", "walker.lmm"), "give the database that it was trained from"),
         (("crowd", "slow.mmdb", "--model", "walker.lmm"), "give the database that it was trained from"),
-        (("compare", "walker.mmdb", "--model", "walker.mmdb"), "expected a learned motion matching model"),
+        (("compare", "walker.mmdb", "--model", "walker.mmdb"), "no model of any kind that `lmm train` makes"),
         (("compare", "walker.mmdb", "--systems", "lmm-PSD"), "no system 'lmm-PSD' without a model; give one"),
         (
             ("compare", "walker.mmdb", "--model", "small.lmm", "--systems", "lmm-X"),

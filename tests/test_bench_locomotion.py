@@ -193,7 +193,7 @@ FAULTS = [
         ("walk.mmdb", "--model", "walk.pfnn", "--systems", "pfnn-square"),
         "no system 'pfnn-square'; choose",
     ),
-    (("walk.mmdb", "--model", "walk.mmdb"), "expected a learned motion matching model"),
+    (("walk.mmdb", "--model", "walk.mmdb"), "no model of any kind that `lmm train` makes"),
 ]
 
 

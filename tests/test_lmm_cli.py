@@ -382,10 +382,12 @@ def test_commands_know_the_models_that_ship_by_name(
 
 
 def test_info_of_what_is_no_model(model: Path, db: Path, tmp_path: Path) -> None:
-    assert "a motion database, expected a learned motion matching model" in _fails("info", db)
+    assert "a motion database, no model of any kind that `lmm train` makes" in _fails("info", db)
     cut = tmp_path / "cut.lmm"
     cut.write_bytes(model.read_bytes()[:-100])
     assert "cut short" in _fails("info", cut)
+    cut.write_bytes(b"no model")
+    assert "no model of any kind that `lmm train` makes; train one, or name" in _fails("info", cut)
     files.save(tmp_path / "odd.lmm", "learned motion matching model", 1, {}, {})
     assert "damaged learned motion matching model" in _fails("info", tmp_path / "odd.lmm")
 

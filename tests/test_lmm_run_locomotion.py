@@ -90,6 +90,8 @@ def test_info_of_each(folder):
     assert sum(facts["bytes"].values()) == 4 * facts["parameters"]
     shown = lmm("info", "walk.mann").stdout
     assert "mode-adaptive network" in shown and "level ground only" in shown
+    assert facts["experts"] == 4 and f" of 4 experts and {facts['parameters']:,} parameters" in shown
+    assert "experts" not in json.loads(lmm("info", "walk.pfnn", "--json").stdout)
     assert "uneven ground was learned" in lmm("info", "walk.pfnn").stdout
     assert "level ground only" in lmm("info", "blind.pfnn").stdout
 
@@ -211,6 +213,25 @@ def test_characters_walk_on_a_heightmap(tmp_path, monkeypatch, command, model, t
         np.testing.assert_allclose(away, 0, atol=0.02)
 
 
+@pytest.mark.parametrize(("command", "model"), [(main, "walk.pfnn"), (mm_main, "walk.mmdb")])
+def test_a_heightmap_is_as_wide_as_its_spacing_makes_it(monkeypatch, command, model):
+    grounds = []
+
+    class Feet(GroundFeet):
+        def __init__(self, *arguments, ground, **options):
+            grounds.append(ground)
+            super().__init__(*arguments, ground=ground, **options)
+
+    monkeypatch.setattr("mm.grounded.GroundFeet", Feet)
+    walk = ("run", model, "--course", "still", "--seconds", 0.1, "--heights", "hills.txt")
+    lmm(*walk, command=command)
+    lmm(*walk, "--heights-spacing", 2 * terrain.SPACING, command=command)
+    near, wide = grounds
+    assert near.size == pytest.approx(HILLS.size, abs=1e-3)
+    x, z = np.random.default_rng(0).uniform(-4, 4, (2, 50))
+    np.testing.assert_allclose(wide(2 * x, 2 * z), near(x, z), atol=1e-3)
+
+
 @pytest.mark.parametrize(
     ("model", "arguments", "message"),
     [
@@ -230,8 +251,9 @@ def test_characters_walk_on_a_heightmap(tmp_path, monkeypatch, command, model, t
         ("walk.lmm", ("--heights", "none.txt"), "none.txt: cannot read"),
         ("walk.pfnn", ("--heights", "hills.txt", "--rig", "rig.bvh"), "leave out --heights, or --rig"),
         ("walk.pfnn", ("--heights", "hills.txt", "-o", "hills.txt"), "hills.txt"),
+        ("walk.pfnn", ("--heights", "hills.txt", "--heights-spacing", 0), "'--heights-spacing': 0"),
         ("walk.pfnn", ("-o", "walk.pfnn"), "walk.pfnn"),
-        ("walk.mmdb", (), "expected a learned motion matching model"),
+        ("walk.mmdb", (), "no model of any kind that `lmm train` makes"),
     ],
 )  # fmt: skip
 def test_faults_are_one_line(folder, model, arguments, message):
@@ -239,6 +261,12 @@ def test_faults_are_one_line(folder, model, arguments, message):
     result = lmm("run", model, "--course", "still", "--seconds", 0.1, *arguments, code=2)
     assert result.stderr.startswith("error: ") and result.stderr.count("\n") == 1 and message in result.stderr
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+
+
+def test_a_spacing_without_heights_is_refused():
+    for command, model in ((main, "walk.pfnn"), (mm_main, "walk.mmdb")):
+        result = lmm("run", model, "--course", "still", "--heights-spacing", 0.1, command=command, code=2)
+        assert "give --heights FILE too" in result.stderr
 
 
 @pytest.mark.parametrize(

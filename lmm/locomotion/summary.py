@@ -19,6 +19,7 @@ def describe(model: LocomotionModel, path: str) -> dict[str, Any]:
         "parameters": model.parameters,
         "bytes": model.weight_bytes(),
         "sizes": list(network.sizes),
+        **({"experts": network.experts} if hasattr(network, "experts") else {}),
         "weights": network.weight_type,
         "joints": len(about.skeleton),
         "fps": about.fps,
@@ -38,8 +39,9 @@ def show(facts: dict[str, Any], model: LocomotionModel) -> None:
     from ..summary import show_errors, show_origin
 
     sizes = ", ".join(f"{name} {size / 1e6:.2f}" for name, size in facts["bytes"].items())
+    experts = f"{facts['experts']} experts and " if "experts" in facts else ""
     print(
-        f"{facts['path']}: {model.kind} {'-'.join(map(str, facts['sizes']))} of "
+        f"{facts['path']}: {model.kind} {'-'.join(map(str, facts['sizes']))} of {experts}"
         f"{facts['parameters']:,} parameters, {facts['joints']} joints at {facts['fps']:g} fps"
     )
     show_origin(facts)
