@@ -111,6 +111,25 @@ def test_the_truth_costs_nothing_and_terms_are_weighted_means(example):
     assert found["position rate"] == pytest.approx(0, abs=1e-3)
 
 
+def test_what_is_no_number_is_not_hidden(example):
+    """A network that has come to nothing must not look like one without error."""
+    tree, layout, truth, _ = example
+    loss = PoseLoss(tree, 2, FPS, truth)
+    first, parts = np.arange(0, 30), layout.slices
+    for block, own in (
+        ("positions", "position"),
+        ("contacts", "contact"),
+        ("rotations", "character rotation"),
+    ):
+        predicted = truth[(first[:, None] + np.arange(2)).reshape(-1)] + np.float32(0.1)
+        predicted[7, parts[block].start] = np.nan
+        lost = [
+            {name for name, term in way(torch.from_numpy(predicted), first, 2).items() if torch.isnan(term)}
+            for way in (loss.compiled, loss.plain)
+        ]
+        assert own in lost[0] and lost[0] == lost[1]
+
+
 def test_true_joints_are_those_of_a_databases_clips():
     database = lmm_models.database()
     layout = Layout(len(database.skeleton), len(database.contact_roles))

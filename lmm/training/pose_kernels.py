@@ -34,12 +34,13 @@ TERMS = (
 
 @_jit
 def _l1(difference, coefficient):
-    """Value and slope of coefficient |difference|."""
+    """Value and slope of coefficient |difference|; what is no number has a value that is none either."""
+    value = coefficient * abs(difference)
     if difference > 0:
-        return coefficient * difference, coefficient
+        return value, coefficient
     if difference < 0:
-        return -coefficient * difference, -coefficient
-    return np.float32(0), np.float32(0)
+        return value, -coefficient
+    return value, np.float32(0)
 
 
 @_jit
