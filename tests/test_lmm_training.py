@@ -288,6 +288,24 @@ def test_inputs_that_hardly_vary_are_not_blown_up():
     np.testing.assert_allclose(floored(std, 4), [1.0, 2.0, 0.1 * mean, 0.0, 0.02, 0.04], rtol=1e-6)
 
 
+@pytest.mark.parametrize("kind", [StepperStage, ProjectorStage, None])
+def test_features_of_one_gait_are_not_blown_up_in_another(database, kind):
+    """Who walks straight on never turns aside; a network that is told in those units who runs in a curve
+    puts joints metres away."""
+    data, chosen = Data(database, ("run",)), settings()
+    first = DecompressorStage(data, chosen)
+    first.begin()
+    module = first.decompressor
+    if kind is not None:
+        stage = kind(data, chosen, first)
+        stage.begin()
+        (module,) = stage.modules().values()
+    std = data.features[data.frames["training"]].std(axis=0)
+    units = module.input_std[: len(std)].numpy()
+    assert std.min() < 0.05 * std.mean() and units.min() > 0.09 * std.mean()
+    np.testing.assert_allclose(units[std > std.mean()], std[std > std.mean()], rtol=1e-4)
+
+
 def test_columns_that_do_not_vary_have_no_spread():
     values = np.random.default_rng(0).standard_normal((1000, 3)).astype(np.float32)
     values[:, 1] = 1.2345

@@ -13,7 +13,7 @@ from torch import Tensor, nn
 from lmm.frames import compressor_inputs, compressor_size
 
 from .checkpoint import Errors
-from .data import Data, spread
+from .data import Data, floored, spread
 from .networks import CHUNK, Perceptron
 from .pose_loss import PoseLoss, joints
 from .randomness import generator
@@ -71,7 +71,7 @@ class DecompressorStage:
         mean, std = spread(data.features, train)
         latent = np.zeros(self._all.latent, np.float32), np.ones(self._all.latent, np.float32)
         self.decompressor.normalise(
-            input_mean=np.concatenate([mean, latent[0]]), input_std=np.concatenate([std, latent[1]])
+            input_mean=np.concatenate([mean, latent[0]]), input_std=np.concatenate([floored(std), latent[1]])
         )
         mean, std = spread(vectors, train)
         self.decompressor.normalise(output_mean=mean, output_std=std)
