@@ -377,6 +377,10 @@ def test_targets_are_met_or_not():
     free = [{"system": f"{name}-free", "skate_cm_s": 1.0, "path_cm": None} for name in ("mm", "lmm-PSD")]
     rows = evaluate.targets(_found(systems=free))
     assert [row["met"] for row in rows[4:6]] == [True, None]
+    # Means over the courses on which it did not break say nothing beside means over all of them.
+    systems = _found()["systems"]
+    systems[1]["broke"] = 1
+    assert [row["met"] for row in evaluate.targets(_found(systems=systems))[4:6]] == [None, None]
 
 
 def test_plain_data_has_nothing_that_json_lacks():

@@ -185,11 +185,12 @@ def system_of(found: dict[str, Any], name: str) -> dict[str, Any] | None:
 
 
 def beside_matching(found: dict[str, Any], name: str) -> list[dict[str, Any]]:
-    """Targets of a system over the courses that motion matching sets."""
+    """Targets of a system over the courses that motion matching sets; not known where one broke on any."""
     mm, mine, rows = system_of(found, "mm"), system_of(found, name), []
     for column, what in (("skate_cm_s", "foot skate"), ("path_cm", "distance from the path")):
         if mm and mine:
-            share = mine[column] / mm[column] if mine.get(column) is not None and mm.get(column) else None
+            known = mine.get(column) is not None and mm.get(column) and not ("broke" in mine or "broke" in mm)
+            share = mine[column] / mm[column] if known else None
             rows.append(target(f"{what} / motion matching's", SHARE_OF_MM, share))
     return rows
 
