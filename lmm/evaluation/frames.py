@@ -32,7 +32,7 @@ CHUNK = 2048
 
 @dataclass(eq=False)
 class Truth:
-    """A database as a network of locomotion sees it.
+    """A database as a network of locomotion sees it, on level ground.
 
     Attributes
     ----------
