@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from lmm.locomotion.layout import JOINTS
+from lmm.locomotion.layout import JOINTS, BlockLayout
 from lmm.locomotion.window import Blocks
 
 Array = NDArray[np.float32]
@@ -43,12 +43,18 @@ def windows(frame: NDArray[np.int64], length: int) -> NDArray[np.int64]:
 
 
 def free_run(
-    network: Evaluated, frames: Frames, rows: NDArray[np.int64], layout: Blocks, *, fps: float, steps: int
+    network: Evaluated,
+    frames: Frames,
+    rows: NDArray[np.int64],
+    layout: BlockLayout,
+    *,
+    fps: float,
+    steps: int,
 ) -> Iterator[Array]:
     """Outputs [N, O] after 1, 2, .. steps from rows [N], of which steps begin (`windows`).
 
     Joints and the phase go on from what the network puts out, as they do when characters are driven, but for
-    their smoothing; trajectory, gait and ground are those of the data.
+    their smoothing: rotations are made whole. Trajectory, gait and ground are those of the data.
     """
     into, out = joint_columns(layout)
     phase = getattr(frames, "phase", None)
@@ -58,6 +64,10 @@ def free_run(
         x = frames.x[rows + step]
         if y is not None:
             x[:, into] = y[:, out]
+            if "rotations" in layout.inputs:
+                of_joints = x[:, layout.inputs["rotations"]].reshape(len(x), layout.joints, -1)
+                whole = layout.written(layout.turned(of_joints))
+                x[:, layout.inputs["rotations"]] = whole.reshape(len(x), -1)
             for turned in phases:
                 turned += y[:, layout.outputs["phase_rate"].start].astype(np.float64) / fps
         y = network.evaluate(x, *phases)

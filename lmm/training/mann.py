@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+from torch import Tensor
 
 from lmm.locomotion.statistics import joint_weights
 from lmm.mann.frames import frames
@@ -15,6 +16,7 @@ from lmm.mann.model import end_effectors
 from .locomotion import LocomotionData, LocomotionStage
 from .mann_settings import MannStageSettings, MannTraining
 from .mixed_networks import ExpertLayers
+from .rotations import orthonormal
 
 
 class MannData(LocomotionData):
@@ -48,6 +50,13 @@ class MannStage(LocomotionStage):
         velocities = np.repeat(weights, 3)
         scale[layout.inputs["velocities"]] = np.where(velocities > 0, self._joint_scale, 1)
         self.network.heed(1 / scale[self.network.gate_columns.cpu().numpy()])
+
+    def _fed_back(self, x: Tensor, y: Tensor) -> Tensor:
+        """See `LocomotionStage._fed_back`; rotations are made whole, as `lmm.mann.steps.show` makes them."""
+        whole, columns = y.clone(), self._data.layout.outputs["rotations"]
+        axes = y[:, columns].reshape(len(y), -1, 2, 3).swapaxes(-1, -2)
+        whole[:, columns] = orthonormal(axes)[..., :2].swapaxes(-1, -2).reshape(len(y), -1)
+        return super()._fed_back(x, whole)
 
 
 def lasting(settings: MannStageSettings, frames: int) -> MannStageSettings:
