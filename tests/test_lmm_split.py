@@ -85,8 +85,8 @@ def test_of_every_kind_of_motion_something_is_trained_on() -> None:
     assert drawn == {"a", "b", "c", "d"}
     few = dataclasses.replace(SETTINGS, held_out=0.01)
     assert split.held_out(database, few, kinds=kinds | {"d": {"jump"}}) == ("b",)
-    with pytest.raises(UserError, match=r"to hold a clip out: each has .* that no other has; .*--held-out 0"):
-        split.held_out(_database({"a": 300, "b": 200}), SETTINGS, kinds={"a": {1}, "b": {2}})
+    with pytest.raises(UserError, match=r"of 2 clips only one has x, only one has y; .*--held-out 0"):
+        split.held_out(_database({"a": 300, "b": 200}), SETTINGS, kinds={"a": {"x"}, "b": {"y"}})
 
 
 @pytest.mark.parametrize(

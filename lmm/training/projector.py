@@ -32,6 +32,7 @@ FEWEST = 2_000
 REUSE = 8  # how often a query is shown, where the training is not longer than their number allows
 REAL = 0.5  # share of a batch that was recorded
 LARGEST = 1.5  # times the residual of a recorded query is what a made one has at most
+KINDS = {True: "crouched frames", False: "upright frames"}
 ELSE = 0.1  # share of made queries that ask for the other kind of frames: crouched from upright ones
 
 
@@ -206,14 +207,14 @@ class ProjectorStage:
         }
 
 
-def kinds(database: Database) -> dict[str, set[bool]]:
-    """By clip, whether some of what a search may answer with is crouched (True) or upright (False)."""
+def kinds(database: Database) -> dict[str, set[str]]:
+    """By clip, which kinds of frames a search may answer with it has: crouched ones, upright ones."""
     tag = np.uint32(database.tag_mask(["crouch"]) if "crouch" in database.tag_names else 0)
     crouched = (database.tags & tag) != 0
     ends = np.maximum(database.stops - round(recorded.SETTINGS.ignore_end * database.fps), database.starts)
-    found: dict[str, set[bool]] = {name: set() for name in database.names}
+    found: dict[str, set[str]] = {name: set() for name in database.names}
     for name, start, stop in zip(database.names, database.starts, ends, strict=True):
-        found[name] |= set(np.unique(crouched[start:stop]).tolist())
+        found[name] |= {KINDS[kind] for kind in np.unique(crouched[start:stop]).tolist()}
     return found
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Collection, Hashable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from mm.database import Database
 from motion.errors import UserError
@@ -18,7 +18,7 @@ def held_out(
     settings: Common,
     *,
     left_out: Collection[str] = (),
-    kinds: Mapping[str, Collection[Hashable]] | None = None,
+    kinds: Mapping[str, Collection[str]] | None = None,
 ) -> tuple[str, ...]:
     """Names of whole clips that make about settings.held_out of the frames, by settings.seed; at least one.
 
@@ -61,12 +61,12 @@ def file_of(name: str) -> str:
 def _drawn(
     frames: Mapping[str, int],
     able: Sequence[str],
-    kinds: Mapping[str, Collection[Hashable]],
+    kinds: Mapping[str, Collection[str]],
     settings: Common,
 ) -> set[str]:
     """Files in random order, each taken that brings the share nearer to what is asked for."""
     sizes: Counter[str] = Counter()
-    of: dict[str, set[Hashable]] = {}
+    of: dict[str, set[str]] = {}
     for name, size in frames.items():
         sizes[file_of(name)] += size
         of.setdefault(file_of(name), set()).update(kinds.get(name, ()))
@@ -78,8 +78,9 @@ def _drawn(
     places = generator(settings.seed, "held out").permutation(len(able))
     order = list(dict.fromkeys(file_of(able[i]) for i in places))
     if not any(map(spare, order)):
+        alone = ", ".join(f"only one has {kind}" for kind, count in having.items() if count == 1)
         raise UserError(
-            "too small a database to hold a clip out: each has some motion that no other has",
+            f"too small a database to hold a clip out: of {len(sizes)} clips {alone}",
             remedy="build one of more clips, or train on all of it with --held-out 0",
         )
     wanted = settings.held_out * sum(sizes.values())
