@@ -284,6 +284,21 @@ def test_another_version_of_torch_does_not_go_on(tmp_path: Path) -> None:
         _train(tmp_path / "fit", _stages(), resume=True)
 
 
+def test_other_clips_held_out_do_not_go_on(whole: Path, tmp_path: Path) -> None:
+    """Another version of the program may choose them otherwise, with the same settings."""
+    output, stages = tmp_path / "fit", _stages()
+    stages[1].at = _stop(7)
+    with pytest.raises(Stopped):
+        _train(output, stages, EACH, held_out=("a", "b"))
+    for others in ((), ("a",), ("a", "c")):
+        with pytest.raises(
+            UserError, match=r"checkpoint: of other clips held out, .*; go on as it was begun"
+        ):
+            _train(output, _stages(), resume=True, held_out=others)
+    _train(output, _stages(), resume=True, held_out=("b", "a"))
+    assert output.read_bytes() == whole.read_bytes()
+
+
 def test_a_stopped_training_is_not_written_over(tmp_path: Path) -> None:
     _stopped(tmp_path / "fit")
     with pytest.raises(UserError, match=r"was stopped here; go on with --resume, or remove the file"):

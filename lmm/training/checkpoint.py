@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -37,6 +38,8 @@ class Checkpoint:
     settings : of the training, as plain data.
     database : fingerprint of the database.
     machine : versions, threads and device: what results depend on.
+    held_out : names of the clips that are not trained on, which another version may choose otherwise; None
+        where it did not say.
     arrays : weights of finished stages; of the stage under way weights, averages and the optimiser's state.
     """
 
@@ -48,6 +51,7 @@ class Checkpoint:
     settings: dict[str, Any]
     database: str
     machine: dict[str, Any]
+    held_out: list[str] | None = None
     arrays: dict[str, NDArray] = field(repr=False)
 
     def save(self, path: Path) -> None:
@@ -77,7 +81,14 @@ class Checkpoint:
             # Copies: a mapped file would keep its room on the disk when the next checkpoint takes its place.
             return Checkpoint(**metadata, arrays={name: np.array(array) for name, array in arrays.items()})
 
-    def check(self, path: Path, settings: dict[str, Any], database: str, machine: dict[str, Any]) -> None:
+    def check(
+        self,
+        path: Path,
+        settings: dict[str, Any],
+        database: str,
+        machine: dict[str, Any],
+        held_out: Sequence[str] = (),
+    ) -> None:
         """A UserError that names what differs from how the training was begun."""
         anew = "or remove the file to begin anew"
         if self.database != database:
@@ -91,6 +102,9 @@ class Checkpoint:
         told = differences(self.machine, machine)
         if told:
             what = f"of another machine or version: {_listed(told)}"
+            raise UserError(what, path=path, remedy=f"go on as it was begun, {anew}")
+        if self.held_out is not None and sorted(self.held_out) != sorted(held_out):
+            what = "of other clips held out, which this version of the program chooses otherwise"
             raise UserError(what, path=path, remedy=f"go on as it was begun, {anew}")
 
 

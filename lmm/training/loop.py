@@ -40,6 +40,7 @@ def run(
     output: str | os.PathLike[str],
     *,
     database: str,
+    held_out: Sequence[str] = (),
     resume: bool = False,
     tensorboard: str | os.PathLike[str] | None = None,
 ) -> Outcome:
@@ -52,8 +53,9 @@ def run(
     Parameters
     ----------
     database : fingerprint of what the stages are trained on.
+    held_out : names of clips of it that they are not trained on.
     resume : go on from the checkpoint, to the very end that a training never stopped comes to. Other
-        settings, another database, version or number of threads are a UserError.
+        settings, another database, version or number of threads are a UserError, other clips held out too.
     tensorboard : folder to log into as well.
 
     Raises
@@ -62,7 +64,7 @@ def run(
         checkpoint, which is good, stays. Also where something cannot be written.
     """
     with machine(settings), patience(checkpoints.path_of(output)) as stop:
-        trainer = _Trainer(stages, settings, Path(output), database, stop, tensorboard)
+        trainer = _Trainer(stages, settings, Path(output), database, held_out, stop, tensorboard)
         with contextlib.closing(trainer):
             return trainer.run(resume)
 
@@ -76,10 +78,12 @@ class _Trainer:
         settings: Common,
         output: Path,
         database: str,
+        held_out: Sequence[str],
         stop: Stop,
         tensorboard: str | os.PathLike[str] | None,
     ) -> None:
-        self._stages, self._settings, self._database = stages, settings, database
+        self._stages, self._settings = stages, settings
+        self._database, self._held_out = database, list(held_out)
         self._stop, self._tensorboard = stop, tensorboard
         self._path, self._log_path = checkpoints.path_of(output), logs.path_of(output)
         self._errors: dict[str, Errors] = {}
@@ -112,7 +116,8 @@ class _Trainer:
     def _resumed(self) -> Checkpoint:
         """The checkpoint to go on from; stages that are done get their weights."""
         point = Checkpoint.load(self._path)
-        point.check(self._path, config.to_dict(self._settings), self._database, facts(self._settings))
+        mine = config.to_dict(self._settings), self._database, facts(self._settings), self._held_out
+        point.check(self._path, *mine)
         with files.content_of(self._path, checkpoints.KIND):
             self._errors, self._seconds = dict(point.errors), point.seconds
             for stage in self._stages:
@@ -214,6 +219,7 @@ class _Trainer:
             "settings": config.to_dict(self._settings),
             "database": self._database,
             "machine": facts(self._settings),
+            "held_out": self._held_out,
         }
 
 

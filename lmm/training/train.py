@@ -57,6 +57,7 @@ def train(
         settings,
         output,
         database=database.fingerprint,
+        held_out=data.held_out,
         resume=resume,
         tensorboard=tensorboard,
     )
