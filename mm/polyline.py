@@ -10,6 +10,8 @@ from scipy.interpolate import CubicSpline
 
 Float = NDArray[np.float64]
 
+SAME = 1e-6  # metres: arc lengths of many laps are only so exact
+
 
 class Polyline:
     """Points [P, 2] (x, z, metres) joined by straight segments; a closed one ends where it begins.
@@ -46,9 +48,12 @@ class Polyline:
         return best
 
     def at(self, arc: Float) -> tuple[Float, Float, NDArray[np.int64]]:
-        """Point [N, 2], direction [N, 2] and segment [N] at arc lengths [N]."""
-        arc = arc % self.length if self.closed else np.clip(arc, 0, self.length)
-        segment = np.minimum(np.searchsorted(self.arcs, arc, side="right") - 1, len(self.arcs) - 2)
+        """Point [N, 2], direction [N, 2] and segment [N] at arc lengths [N]; at a corner of what follows."""
+        if self.closed:
+            arc = arc % self.length
+            arc = np.where(self.length - arc < SAME, 0.0, arc)
+        arc = np.clip(arc, 0, self.length)
+        segment = np.minimum(np.searchsorted(self.arcs, arc + SAME, side="right") - 1, len(self.arcs) - 2)
         direction = self.directions[segment]
         return self.points[segment] + direction * (arc - self.arcs[segment])[:, None], direction, segment
 

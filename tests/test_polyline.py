@@ -46,3 +46,15 @@ def test_an_open_spline_through_points_of_a_line_is_the_line():
     np.testing.assert_allclose(points[:, 0], 0)
     assert (np.diff(points[:, 1]) > 0).all()
     np.testing.assert_allclose(points[at, 1], [0, 1, 3])
+
+
+def test_at_a_corner_the_segment_is_the_next_one_in_every_lap():
+    line = Polyline(
+        [(-15, 20), (-25, 0), (-12.5, -12.5), (12.5, -20), (5, -5), (12.5, 25), (-15, 20)], closed=True
+    )
+    laps = line.length * np.arange(1000)
+    for k, arc in enumerate(line.arcs):
+        points, directions, segments = line.at(laps + arc)
+        np.testing.assert_array_equal(segments, k % 6)
+        np.testing.assert_allclose(points, np.tile(line.points[k % 6], (1000, 1)), atol=1e-5)
+        np.testing.assert_array_equal(directions, np.tile(line.directions[k % 6], (1000, 1)))
