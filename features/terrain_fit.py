@@ -69,11 +69,19 @@ class Grounds:
 
     def __call__(self, x: Array, z: Array) -> NDArray[np.float32]:
         """Heights [K, ..], metres, of every ground at x and z [..] in the world."""
-        x, z = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(z, np.float64))
-        points = np.stack([x.ravel(), z.ravel()], axis=-1) - self.middle
-        heights = self.patches.heights(points) + (self.levels + self.constants)[:, None]
-        heights -= (_distances(points, self.knots) @ self.weights).T
-        return heights.reshape(-1, *x.shape).astype(np.float32)
+        points = self._points(x, z)
+        added = self.constants[:, None] - (_distances(points, self.knots) @ self.weights).T
+        return (self._laid(points) + added).reshape(len(self), *np.shape(x)).astype(np.float32)
+
+    def laid(self, x: Array, z: Array) -> NDArray[np.float32]:
+        """Heights [K, ..] of every patch where it was laid, before its correction."""
+        return self._laid(self._points(x, z)).reshape(len(self), *np.shape(x)).astype(np.float32)
+
+    def _points(self, x: Array, z: Array) -> NDArray[np.float64]:
+        return np.stack([np.ravel(x), np.ravel(z)], axis=-1).astype(np.float64) - self.middle
+
+    def _laid(self, points: Array) -> NDArray[np.float64]:
+        return self.patches.heights(points) + self.levels[:, None]
 
     def only(self, k: int) -> Ground:
         """The k-th ground alone, a function of heights [..]."""

@@ -21,6 +21,7 @@ from .training.pfnn_settings import CONFIGURATIONS, PhaseTraining
 from .training.settings import PRESETS, RECIPES, Settings
 
 if TYPE_CHECKING:
+    from .locomotion.grounds import Terrain
     from .models import AnyModel
 
 MODELS = ("lmm", "pfnn", "mann")
@@ -76,6 +77,22 @@ main.epilog = "Example: python -m lmm run dancecard --course thesis -o lap.bvh"
     metavar="FOLDER",
     help="Take contacts, phase and gaits of clips from NAME.labels.csv in FOLDER, corrected by hand.",
 )
+@click.option(
+    "--terrain",
+    multiple=True,
+    metavar="KIND|FILE",
+    help="Train a phase-functioned network on uneven ground: hills, slopes, steps, mixed, or a heightmap."
+    "  [repeatable]",
+)
+@click.option(
+    "--terrain-spacing",
+    type=console.SIZE,
+    metavar="M",
+    help="Metres from number to number in such a file.  [default: 0.0394, as published ones have]",
+)
+@click.option(
+    "--grounds", type=click.IntRange(1, 100), help="How many to fit to each stretch of motion.  [default: 10]"
+)
 @click.option("--seed", type=click.IntRange(0), help="Of clips held out, weights, batches.  [default: 0]")
 @click.option("--resume", is_flag=True, help="Go on from the checkpoint of a training that was stopped.")
 @click.option(
@@ -100,6 +117,9 @@ def train(
     configuration: str | None,
     experts: int | None,
     labels: str | None,
+    terrain: tuple[str, ...],
+    terrain_spacing: float | None,
+    grounds: int | None,
     resume: bool,
     config: str | None,
     tensorboard: str | None,
@@ -112,6 +132,11 @@ def train(
     projector, and that once more on what the networks themselves ask; other networks in one go. A
     phase-functioned one needs motion that walks, and leaves out clips that do not; a mode-adaptive one takes
     two feet or four. Labels are as `python -m features label` writes them.
+
+    With --terrain a network learns of uneven ground: to each two seconds of motion those patches of it are
+    fitted that meet the feet best, and corrected until they touch; `run --heights` tells it of the ground
+    ahead. What it learns is what the motion shows: of motion over hills or steps how to go there, of motion
+    on level ground only not to mind what lies beside its feet.
 
     MODEL.jsonl logs losses and errors; MODEL.checkpoint is there until the model is written, --resume goes on
     from it: the same command and --resume come to the same model, however often the training was stopped.
@@ -139,8 +164,15 @@ def train(
         if what == "lmm":
             raise click.UsageError("--labels are for phases and gaits: give --model pfnn or mann too")
         options["labels"] = labels
+    if what != "pfnn" and terrain:
+        raise click.UsageError("--terrain is for networks that see the ground: give --model pfnn too")
+    if not terrain and (terrain_spacing is not None or grounds is not None):
+        name = "--grounds" if terrain_spacing is None else "--terrain-spacing"
+        raise click.UsageError(f"{name} is about uneven ground: give --terrain too")
+    if terrain:
+        options["terrain"] = _terrain(terrain, terrain_spacing, grounds)
     asked = replace(asked, **{name: value for name, value in chosen.items() if value is not None})
-    inputs = [db, config]
+    inputs = [db, config, *terrain]
     for path in (output, log.path_of(output), checkpoint.path_of(output)):
         files.check_output(path, inputs=inputs)
     model = _train(db, output, asked, **options)
@@ -178,6 +210,16 @@ def _settings(
     if isinstance(asked, MannTraining) and experts is not None:
         return replace(asked, mann=replace(asked.mann, experts=experts))
     return asked
+
+
+def _terrain(names: tuple[str, ...], spacing: float | None, count: int | None) -> Terrain:
+    """Terrain to train on, of kinds and of files."""
+    from features.terrain import SPACING
+    from features.terrain_fit import COUNT
+
+    from .locomotion.grounds import Terrain
+
+    return Terrain.of(names, spacing=spacing or SPACING, count=count or COUNT)
 
 
 @console.needs("train", "torch")

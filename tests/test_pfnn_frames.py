@@ -119,10 +119,6 @@ def test_beyond_its_ends_a_range_goes_straight_on(database: Database, found: Fra
     assert np.linalg.norm(steps_[0]) == pytest.approx(speed / 6, rel=0.2)
 
 
-def test_heights_go_in_and_labels_must_fit(database: Database, labels: Labels, found: Frames) -> None:
-    heights = np.random.default_rng(1).standard_normal((len(database), 12, 3)).astype(np.float32)
-    x = frames(database, labels, heights=heights).x
-    layout = Layout(len(database.skeleton) - 1)
-    np.testing.assert_array_equal(layout.unpack_inputs(x).heights, heights[found.frame])
+def test_labels_must_fit(database: Database, labels: Labels) -> None:
     with pytest.raises(ValueError, match="labels of 3 frames"):
         frames(database, labels[0:3])

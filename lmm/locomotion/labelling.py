@@ -80,7 +80,7 @@ def labels_of(
 
 def _range(database: Database, r: int, phase: bool) -> Labels:
     """Labels of a range, found in its motion."""
-    positions, rotations = _world(database, r)
+    positions, rotations = world(database, r)
     if phase:
         return label(database.skeleton, database.fps, positions, rotations)
     names = database.contact_roles
@@ -95,11 +95,12 @@ def _given(database: Database, r: int, phase: bool, own: Labels) -> Labels:
         own = own.mirrored()
     if not phase:
         return Labels(database.contact_roles, own.of_parts(database.contact_roles).contacts, None, own.gait)
-    names = touching.parts(database.skeleton, _world(database, r)[0])
+    names = touching.parts(database.skeleton, world(database, r)[0])
     return own.of_parts(names) if own.phase is not None else own.of_parts(names).rephased(database.fps)
 
 
-def _world(database: Database, r: int) -> tuple[NDArray, NDArray]:
+def world(database: Database, r: int) -> tuple[NDArray, NDArray]:
+    """World positions [T, J, 3] and rotations [T, J, 4] of a range's joints."""
     poses = database.poses[slice(int(database.starts[r]), int(database.stops[r]))]
     return kinematics.forward(database.skeleton, poses.positions, poses.rotations)
 

@@ -46,6 +46,17 @@ def show(facts: dict[str, Any], model: LocomotionModel) -> None:
     )
     show_origin(facts)
     print(f"contacts     {', '.join(facts['contacts']) or 'none'}")
-    print(f"ground       {'uneven ground was learned' if facts['sees_ground'] else 'level ground only'}")
+    print(f"ground       {_ground(facts)}")
     print(f"megabytes    {facts['file_bytes'] / 1e6:.2f} in the file; weights at run time: {sizes}")
     show_errors(facts["errors"])
+
+
+def _ground(facts: dict[str, Any]) -> str:
+    """What ground a network knows."""
+    if not facts["sees_ground"]:
+        return "level ground only"
+    terrain = facts["training"].get("terrain")
+    if not terrain:
+        return "uneven ground was learned"
+    feet = "feet rested on level ground" if terrain["level_motion"] else "feet went up and down"
+    return f"uneven ground was learned ({', '.join(terrain['maps'])}); in the data {feet}"

@@ -54,15 +54,23 @@ def around(
     root [T, 2] and yaw [T] are those of a range; beyond its ends the root goes on as it did there, facing
     where it faced. Returns positions and directions [M, K, 2], and the frames [M, K] that they are taken of.
     """
-    wanted = t[:, None] + offsets
-    at = np.clip(wanted, 0, len(root) - 1)
-    first, last = root[1] - root[0], root[-1] - root[-2]
-    places = (
-        root[at] + np.minimum(wanted, 0)[..., None] * first + np.maximum(wanted - at, 0)[..., None] * last
-    )
+    places, at = beyond(root, t[:, None] + offsets)
     here = root[t], yaw[t]
     return (
         ground_plane.points_to_local(places, *here),
         ground_plane.directions_to_local(ground_plane.facing(yaw[at]), yaw[t]),
         at,
     )
+
+
+def beyond(root: NDArray, wanted: NDArray) -> tuple[NDArray, NDArray[np.int64]]:
+    """Where a root [T, 2] is at frames of its range, which may lie beyond its ends: as `around` has it.
+
+    Returns positions [.., 2] and the frames that they are taken of, for wanted of any shape.
+    """
+    at = np.clip(wanted, 0, len(root) - 1)
+    first, last = root[1] - root[0], root[-1] - root[-2]
+    places = (
+        root[at] + np.minimum(wanted, 0)[..., None] * first + np.maximum(wanted - at, 0)[..., None] * last
+    )
+    return places, at

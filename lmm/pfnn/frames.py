@@ -39,22 +39,22 @@ class Frames:
     frame: NDArray[np.int64]
 
 
-def frames(database: Database, labels: Labels, *, heights: Array | None = None) -> Frames:
-    """Vectors of all frames but the first and the last of each range.
+def frames(database: Database, labels: Labels) -> Frames:
+    """Vectors of all frames but the first and the last of each range, on level ground.
 
-    labels are of all frames of the database. heights [T, 12, 3], metres over the root's, are those of the
-    ground along the trajectory; flat by default. Before a range begins and after it ends, the root is taken
-    to go on as it did there, facing where it faced. Ranges that the labels leave out have none.
+    labels are of all frames of the database. Before a range begins and after it ends, the root is taken to go
+    on as it did there, facing where it faced. Ranges that the labels leave out have none. Other grounds: see
+    `lmm.locomotion.grounds`.
     """
     if labels.phase is None:
         raise ValueError("labels without a phase")
     layout = Layout(len(database.skeleton) - 1, len(labels.names))
-    x, y, frame = ranges.of_all(database, labels, layout, partial(_range, database, labels, heights, layout))
+    x, y, frame = ranges.of_all(database, labels, layout, partial(_range, database, labels, layout))
     return Frames(x, y, labels.phase[frame], frame)
 
 
 def _range(
-    database: Database, labels: Labels, heights: Array | None, layout: Layout, start: int, stop: int
+    database: Database, labels: Labels, layout: Layout, start: int, stop: int
 ) -> tuple[Array, Array, NDArray[np.int64]]:
     fps, spacing = database.fps, interval(database.fps)
     part = Range.of(database, start, stop)
@@ -62,7 +62,6 @@ def _range(
 
     t = np.arange(1, stop - start - 1)
     path, facing, at = around(root, yaw, t, spacing * np.arange(-PRESENT, FUTURE))
-    beyond = np.zeros((len(t), SAMPLES, SIDES), np.float32)
     x = layout.pack_inputs(
         Inputs(
             path=path,
@@ -70,7 +69,7 @@ def _range(
             gaits=labels.gait[start + at],
             positions=local[t - 1],
             velocities=moving[t - 1],
-            heights=beyond if heights is None else heights[start + t],
+            heights=np.zeros((len(t), SAMPLES, SIDES), np.float32),
         )
     )
     path, facing, _ = around(root, yaw, t + 1, spacing * np.arange(FUTURE))

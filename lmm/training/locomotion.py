@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -14,7 +14,9 @@ from torch import Tensor, nn
 
 from features.labels import Labels
 from lmm.evaluation.phase import free_run, joint_columns, joint_errors, windows
+from lmm.locomotion import grounds as uneven
 from lmm.locomotion import statistics, trajectory
+from lmm.locomotion.grounds import GroundTable
 from lmm.locomotion.labelling import kept
 from lmm.locomotion.layout import JOINTS
 from lmm.locomotion.settings import LocomotionSettings as Runtime
@@ -30,7 +32,8 @@ from .settings import StageSettings
 
 JUDGED, RUNS, HORIZONS = 1500, 200, (30, 60)
 STATISTICS = 20_000  # frames that means and deviations are of
-LEAST = 0.1  # deviation of what is asked: who was trained on one gait, or straight on, is asked for others
+# Deviation of what is asked: who was trained on one gait, straight on, or on level ground, meets others.
+LEAST = 0.1
 WORK = 300_000_000  # bytes that statistics, weights and batches take, whatever the data
 
 
@@ -42,11 +45,13 @@ class LocomotionData:
     ----------
     database, labels : of T frames.
     held_out : names of the clips (with their mirrored copies) that are not trained on.
+    grounds : fitted to the motion, on any of which frames are seen; level ground by default.
     """
 
     database: Database
     labels: Labels
     held_out: tuple[str, ...] = ()
+    grounds: GroundTable | None = None
 
     layout_type: ClassVar[Callable[[int, int], Any]]
     vectors: ClassVar[Callable[[Database, Labels], Any]]  # `frames` of a network
@@ -58,7 +63,7 @@ class LocomotionData:
 
     @cached_property
     def frames(self) -> Any:
-        """Vectors x [M, I] and y [M, O], on flat ground, and the frames [M] that they are of."""
+        """Vectors x [M, I] and y [M, O], on level ground, and the frames [M] that they are of."""
         return type(self).vectors(self.database, self.labels)
 
     def memory(self) -> int:
@@ -66,7 +71,29 @@ class LocomotionData:
         vectors, of 31 joints 2.6 kB a frame of a phase-functioned network (measured 2.1 to 2.9), 3.7 kB of
         a mode-adaptive one."""
         numbers = size(self.layout.inputs) + size(self.layout.outputs)
-        return 4 * numbers * len(self.database) + WORK + LIBRARIES
+        grounds = 0
+        if self.grounds is not None:
+            grounds = self.grounds.nbytes + 4 * numbers * len(PARTS) * (JUDGED + RUNS * HORIZONS[-1])
+        return 4 * numbers * len(self.database) + grounds + WORK + LIBRARIES
+
+    def lay(self, x: Any, y: Any, rows: NDArray[np.int64], which: NDArray[np.int64], steps: Any = 0) -> None:
+        """Put x [N, I] and y [N, O], steps after rows [N] of `frames`, on the rows' grounds which [N]."""
+        assert self.grounds is not None
+        told: tuple[Any, ...] = self.grounds.along(self.frames.frame[rows], which, steps)
+        if isinstance(x, Tensor):
+            told = tuple(torch.from_numpy(part).to(x.device) for part in told)
+        uneven.lay(x, y, self.layout, *told)
+
+    def seen(self, rows: NDArray[np.int64], steps: int = 1) -> tuple[Any, NDArray[np.int64]]:
+        """Frames, and rows of them, at which windows of so many begin: those of `frames` that begin at rows;
+        on uneven ground copies of them, window after window, on each of its grounds in turn."""
+        if self.grounds is None:
+            return self.frames, rows
+        first, after = np.repeat(rows, steps), np.tile(np.arange(steps), len(rows))
+        some = {f.name: getattr(self.frames, f.name)[first + after] for f in fields(self.frames)}
+        which = np.repeat(np.arange(len(rows)) % len(self.grounds), steps)
+        self.lay(some["x"], some["y"], first, which, after)
+        return replace(self.frames, **some), steps * np.arange(len(rows))
 
     def count(self) -> int:
         """How many frames are trained on."""
@@ -124,11 +151,11 @@ class LocomotionStage:
     def begin(self) -> None:
         data, layout, device = self._data, self._data.layout, self._all.device
         found, weights = data.frames, statistics.joint_weights(data.database.skeleton)
-        some = data.sample(STATISTICS, "training")
+        laid, some = data.seen(data.sample(STATISTICS, "training"))
         known = statistics.statistics(
-            found.x[some], found.y[some], layout, weights, joint_scale=self._joint_scale
+            laid.x[some], laid.y[some], layout, weights, joint_scale=self._joint_scale
         )
-        for block in ("path", "facing", "gaits", "going", "speeds"):
+        for block in ("path", "facing", "gaits", "going", "speeds", "heights"):
             if block in layout.inputs:
                 std = known["input_std"][layout.inputs[block]]
                 np.maximum(std, LEAST, out=std)
@@ -136,8 +163,10 @@ class LocomotionStage:
         self.network.to(device)
         self._x, self._y = (torch.from_numpy(array).to(device) for array in (found.x, found.y))
         self._starts = data.starts(self.settings.window)
-        self._judged = {p: rows for p in PARTS if len(rows := data.sample(JUDGED, p))}
-        self._runs = {p: rows for p in self._judged if len(rows := data.sample(RUNS, p, window=HORIZONS[-1]))}
+        judged = {p: rows for p in PARTS if len(rows := data.sample(JUDGED, p))}
+        runs = {p: rows for p in judged if len(rows := data.sample(RUNS, p, window=HORIZONS[-1]))}
+        self._judged = {p: data.seen(rows) for p, rows in judged.items()}
+        self._runs = {p: data.seen(rows, HORIZONS[-1]) for p, rows in runs.items()}
 
         # In normalised inputs a deviation of a block is 1, of joints what the statistics make of it.
         noise = np.ones(layout.input_size, np.float32)
@@ -158,12 +187,16 @@ class LocomotionStage:
         masks = torch.Generator(self._x.device)
         masks.manual_seed(int(sequence(self._all.seed, self.name, iteration).generate_state(1, np.uint64)[0]))
         more = self._more(draw)
+        grounds = self._data.grounds
+        which = None if grounds is None else draw.integers(0, len(grounds), settings.batch)
         terms: list[Tensor] = []
         found: Tensor | None = None
         alone = iteration < settings.alone * settings.iterations
         for step in range(1 if alone else settings.window):
             at = (rows + step).to(self._x.device)
-            x = self._x[at]
+            x, y = self._x[at], self._y[at]
+            if which is not None:
+                self._data.lay(x, y, rows.numpy(), which, step)
             if found is not None:
                 x = self._fed_back(x, found * network.output_std + network.output_mean)
             x = (x - network.input_mean) / network.input_std
@@ -171,7 +204,7 @@ class LocomotionStage:
                 amounts = draw.random((len(rows), 1)) * draw.standard_normal((len(rows), x.shape[1]))
                 x = x + torch.from_numpy(amounts.astype(np.float32)).to(x.device) * self._noise
             found = network.inner(x, *more(rows + step), keep=settings.keep, draw=masks)
-            truth = (self._y[at] - network.output_mean) / network.output_std
+            truth = (y - network.output_mean) / network.output_std
             terms.append((found - truth).square().mean())
         return {"frames": torch.stack(terms).mean(), **self._besides()}
 
@@ -194,17 +227,17 @@ class LocomotionStage:
 
     def evaluate(self) -> Errors:
         """Joint errors of one step, ``error_cm``, and after some frames of free run under the true
-        trajectory, of those windows that are as long."""
+        trajectory, of those windows that are as long; on the grounds that were trained on."""
         data, layout, errors = self._data, self._data.layout, {}
         network: Any = self.network
-        for part, rows in self._judged.items():
-            (found,) = free_run(network, data.frames, rows, layout, fps=data.database.fps, steps=1)
-            errors[part] = {"error_cm": float(joint_errors(found, data.frames.y[rows], layout).mean())}
-        for part, rows in self._runs.items():
-            run = free_run(network, data.frames, rows, layout, fps=data.database.fps, steps=HORIZONS[-1])
+        for part, (frames, rows) in self._judged.items():
+            (found,) = free_run(network, frames, rows, layout, fps=data.database.fps, steps=1)
+            errors[part] = {"error_cm": float(joint_errors(found, frames.y[rows], layout).mean())}
+        for part, (frames, rows) in self._runs.items():
+            run = free_run(network, frames, rows, layout, fps=data.database.fps, steps=HORIZONS[-1])
             for step, y in enumerate(run, 1):
                 if step in HORIZONS:
-                    truth = data.frames.y[rows + step - 1]
+                    truth = frames.y[rows + step - 1]
                     errors[part][f"after_{step}_cm"] = float(joint_errors(y, truth, layout).mean())
         return errors
 
