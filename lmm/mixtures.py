@@ -303,8 +303,10 @@ def _mixed(
 
     stepping: Stepping = FrameStepping(database, ignore_end=ignore_end)
     if steps:
-        last = rows.data.last if rows else None
-        stepping = StepperStepping(model, last=last, products=products, compiled=compiled)
+        last, tags = (rows.data.last, rows.data.tags) if rows else (None, None)
+        stepping = StepperStepping(
+            model, last=last, tags=tags if up else None, products=products, compiled=compiled
+        )
 
     decompression: Decompression
     if decompresses:

@@ -32,7 +32,8 @@ class LatentState:
     ----------
     values : float32 [N, F + L], normalised features, then latents.
     width : F.
-    asked : uint32 [N], tags of what was found, or asked for, at the last projection.
+    asked : uint32 [N], tags of what was found, or asked for, at the last projection; of the frame near it
+        where states come from a database's frames.
     near : int32 [N], the frame found by the last lookup plus the steps since; -1 where there was none.
     since : int32 [N], those steps.
     moved : bool [N], whether a lookup has just left the frame that was shown for another one.
@@ -170,7 +171,8 @@ class ProjectorProjection:
 class StepperStepping:
     """The Stepper: a state moves by its rates of change, for a frame. Nothing keeps it in the data's range.
 
-    last [T], the last frame of each one's range, where states are looked up in a database.
+    last [T], the last frame of each one's range, where states are looked up in a database; tags [T] where
+    they come from its frames: a state bears the tags of the frame that it has come to.
     """
 
     def __init__(
@@ -178,6 +180,7 @@ class StepperStepping:
         model: Model,
         *,
         last: NDArray[np.int32] | None = None,
+        tags: NDArray[np.uint32] | None = None,
         products: Products = "float32",
         compiled: bool = True,
     ) -> None:
@@ -185,7 +188,7 @@ class StepperStepping:
         self._middle = model.stepper.input_mean
         self._network = Evaluator(model.stepper, products=products, compiled=compiled)
         self._advance = (kernels if compiled else kernels_numpy).advance
-        self._last = last
+        self._last, self._tags = last, tags
 
     def start(self, count: int) -> LatentState:
         """The mean of what the stepper was trained on."""
@@ -198,10 +201,15 @@ class StepperStepping:
             state.since += 1
             known = state.near >= 0
             np.minimum(state.near + 1, self._last[state.near], out=state.near, where=known)
+            if self._tags is not None:
+                np.copyto(state.asked, self._tags[state.near], where=known)
 
     def memory(self) -> dict[str, int]:
-        ranges = {} if self._last is None else {"ranges": self._last.nbytes}
-        return {"stepper": self._network.nbytes} | ranges
+        found = {"stepper": self._network.nbytes}
+        for name, array in (("ranges", self._last), ("tags", self._tags)):
+            if array is not None:
+                found[name] = array.nbytes
+        return found
 
 
 class DecompressorDecompression:

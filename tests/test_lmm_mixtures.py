@@ -293,6 +293,21 @@ def test_every_mixture_crouches_where_it_is_asked_to():
         assert (system.state.tags() & model.description.crouch_tag).all(), learned
 
 
+@pytest.mark.parametrize("learned", ["S", "SD"])
+def test_who_has_gone_on_out_of_a_tag_is_searched_for_anew(learned):
+    """What a search found was crouched, but what follows is not: as in motion matching that will not do."""
+    database = lmm_models.database(crouch=True)
+    here = np.arange(len(database)) - database.starts[database.ranges()]
+    database = replace(database, tags=database.tags * (here < 60).astype(np.uint32))
+    system = controller(lmm_models.model(database), database, learned)
+    moves, shown = Command.still(1), []
+    moves.velocity[:], moves.crouch[:] = [0, 1.3], True
+    for _ in range(200):
+        system.step(moves)
+        shown.append(database.tags[system.state.near[0]])
+    assert np.mean(shown) > 0.8
+
+
 def test_memory_counts_what_a_mixture_holds_and_nothing_else(model, database):
     def parts(learned: str) -> dict[str, int]:
         return controller(model, database, learned).memory()
