@@ -91,6 +91,11 @@ def test_laps_of_who_obeys():
         assert lap["median_ms"] > 0 and lap["sd_ms"] >= 0 and lap["path_cm"] < lap["path_max_cm"] < 60
 
 
+def test_laps_of_a_course_whose_length_is_no_round_number():
+    course = replace(square_course(7), waypoints=square_course(7).waypoints[:3])  # a triangle
+    assert [lap["lap"] for lap in measure.drive(Obedient(), course)] == list(range(1, 8))
+
+
 def test_who_stands_ends_no_lap_and_who_is_slow_some():
     assert measure.drive(Obedient(0.0), square_course(2)) == []
     assert len(measure.drive(Obedient(0.15), square_course(4))) in range(1, 4)
