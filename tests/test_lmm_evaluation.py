@@ -377,6 +377,9 @@ def test_targets_are_met_or_not():
     free = [{"system": f"{name}-free", "skate_cm_s": 1.0, "path_cm": None} for name in ("mm", "lmm-PSD")]
     rows = evaluate.targets(_found(systems=free))
     assert [row["met"] for row in rows[4:6]] == [True, None]
+    lost = {"training": {"drift": [{"steps": 10, "joints_cm": np.inf}]}, "held_out": {"drift": []}}
+    assert evaluate.targets(_found(stepper=lost))[2]["met"] is False
+    assert evaluate.target("nobody knows", 1.0, np.nan)["met"] is None
     # Means over the courses on which it did not break say nothing beside means over all of them.
     systems = _found()["systems"]
     systems[1]["broke"] = 1

@@ -173,8 +173,8 @@ def targets(found: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def target(what: str, most: float, value: float | None) -> dict[str, Any]:
-    """A row of `targets`."""
-    met = None if value is None or not np.isfinite(value) else bool(value <= most)
+    """A row of `targets`; what is infinite, as the drift of states that are no numbers any more, is bad."""
+    met = None if value is None or np.isnan(value) else bool(value <= most)
     return {"what": what, "at most": most, "found": value, "met": met}
 
 
