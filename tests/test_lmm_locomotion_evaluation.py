@@ -19,7 +19,7 @@ from lmm.evaluation import cost, evaluate, frames, free_runs, locomotion, pictur
 from lmm.locomotion.labelling import labels_of
 from lmm.pfnn.network import PhaseNetwork
 from motion import console, quat
-from motion.errors import UserError
+from motion.errors import Note, UserError
 
 BRIEF = evaluate.Plan(starts=20, courses=("circle",), seconds=1.0, each=2, minutes=0.02, characters=2)
 V, W, TURN = (0.3, 1.5), 0.7, 4.0  # root velocity, m/s, turn rate and the phase's, rad/s
@@ -177,6 +177,15 @@ def test_starts_are_of_their_part_and_clips_that_are_short_run_as_long_as_they_a
     short.frames = replace(truth.frames, frame=truth.frames.frame[::-1])  # no two rows follow each other
     run = free_runs.drift(short, "training", runs=5)
     assert [row["steps"] for row in run.table()] == [1]
+
+
+def test_who_learned_to_go_up_and_down_is_judged_on_level_ground_and_that_is_told(phased, database):
+    def terrain(level: bool):
+        return replace(phased, training={"terrain": {"level_motion": level}})
+
+    with pytest.warns(Note, match="told of level ground"):
+        locomotion.truth_of(terrain(False), database)
+    locomotion.truth_of(terrain(True), database)  # a note would be an error
 
 
 def test_labels_of_other_contacts_are_refused(phased, database):

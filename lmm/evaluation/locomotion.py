@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -21,6 +22,7 @@ from mm.controller import Controller
 from mm.database import Database
 from mm.settings import Settings
 from motion import console
+from motion.errors import Note
 
 from . import cost, driving, free_runs
 from . import frames as one_step
@@ -94,7 +96,13 @@ def evaluate(
 def truth_of(
     model: LocomotionModel, database: Database, labels: str | os.PathLike[str] | None = None
 ) -> one_step.Truth:
-    """A database with its labels, found or given, for a model."""
+    """A database with its labels, found or given, for a model; a `motion.errors.Note` where a level ground,
+    which all networks are judged on, is not that of the motion."""
+    if model.training.get("terrain", {}).get("level_motion") is False:
+        line = (
+            "feet go up and down in the data, and the network is told of level ground: it is better than this"
+        )
+        warnings.warn(line, Note, stacklevel=2)
     given = None if labels is None else given_labels.read(labels, database)
     phased = isinstance(model, PhaseModel)
     return one_step.Truth(model, database, labels_of(database, phase=phased, given=given))
