@@ -50,15 +50,14 @@ class Work:
         items: Sequence[T],
         *,
         label: str,
+        unit: str = "clips",
         keep: Callable[[UserError], None] | None = None,
     ) -> Iterator[R]:
         """Results in the items' order; UserErrors go to keep if it is given.
 
         Else the first error in that order is raised and what has not begun never does.
         """
-        return self.progress(
-            self._results(function, items, keep), label=label, total=len(items), unit="clips"
-        )
+        return self.progress(self._results(function, items, keep), label=label, total=len(items), unit=unit)
 
     def _results(
         self, function: Callable[[T], R], items: Sequence[T], keep: Callable[[UserError], None] | None

@@ -21,8 +21,8 @@ from features import patches, terrain, terrain_fit, terrain_made
 from features import trajectory as ground_plane
 from features.gait import JUMP
 from features.labels import Labels
-from features.patches import Patches
 from features.terrain import Heightmap
+from features.terrain_fit import Grounds
 from mm.database import Database
 from mm.work import Work
 from motion import files, quat
@@ -165,36 +165,60 @@ def fit(
     """
     cut = patches.cut(terrain.maps, seed=seed)
     own, twins = _shared(database, labels)
-    places = {
-        r: touching.points(database.skeleton, database.fps, *world(database, r), labels.names) for r in own
-    }
-    all_places = np.concatenate(list(places.values()))
-    down = np.concatenate([labels.contacts[_part(database, r)] for r in own])
-    rest = terrain_fit.rest_heights(all_places, down)
-    spacing, reach = interval(database.fps), reaches(database.fps, steps)
-    resting = (all_places[..., 1] - rest)[down != 0]
-    level = float((np.abs(resting) > STEP).mean()) < RARE if len(resting) else True
+    body, fps = database.skeleton, database.fps
+    soles = {r: touching.points(body, fps, *world(database, r), labels.names) for r in own}
+    down = {r: labels.contacts[_part(database, r)] != 0 for r in own}
+    together = np.concatenate(list(soles.values())), np.concatenate(list(down.values()))
+    rest = terrain_fit.rest_heights(*together)
+    for places in soles.values():
+        places[..., 1] -= rest
+    spacing, reach = interval(fps), reaches(fps, steps)
 
-    def one(r: int) -> _Fitted:
-        feet = places.pop(r)
-        feet[..., 1] -= rest
-        return _range(database, labels, r, feet, cut, terrain.count, reach)
+    def one(stretch: _Stretch) -> tuple[NDArray[np.float16], float, tuple[NDArray, ...]]:
+        r, frames, reached = stretch
+        jumps = labels.gait[_part(database, r), JUMP][reached]
+        grounds = terrain_fit.fit(
+            cut, soles[r][reached], down[r][reached], count=terrain.count, jumping=jumps
+        )
+        heights = _heights(grounds, *_root(database, r), frames, reach)
+        level = float(np.median(heights))
+        misfits = _misfits(grounds, soles[r][frames], down[r][frames])
+        return (heights - level).astype(np.float16), level, misfits
 
+    stretches = [_Stretch(r, *frames) for r in own for frames in terrain_fit.stretches(len(soles[r]), fps)]
     levels, rows = np.zeros(len(database), np.float32), np.full(len(database), -1, np.int64)
-    mirrored = np.zeros(len(database), bool)
-    parts: list[_Fitted] = []
+    found: list[tuple[NDArray[np.float16], float, tuple[NDArray, ...]]] = []
     at = 0
-    work = Work.of(jobs, progress=progress).map(one, own, label="terrain")
-    for r, found in zip(own, work, strict=True):
-        rows[_part(database, r)], levels[_part(database, r)] = at + found.rows, found.levels
-        parts.append(found)
-        at += len(found.heights)
+    work = Work.of(jobs, progress=progress).map(one, stretches, label="terrain", unit="stretches")
+    for stretch, (heights, level, misfits) in zip(stretches, work, strict=True):
+        start = int(database.starts[stretch.r])
+        frames = np.arange(start + stretch.frames.start, start + stretch.frames.stop)
+        rows[frames], levels[frames] = at + reach[0] + np.arange(len(frames)), level
+        found.append((heights, level, misfits))
+        at += len(heights)
+    mirrored = np.zeros(len(database), bool)
     for r, original in twins.items():
         for array in (rows, levels):
             array[_part(database, r)] = array[_part(database, original)]
         mirrored[_part(database, r)] = True
-    heights, misfits = np.concatenate([one.heights for one in parts]), _told([one.misfits for one in parts])
-    return GroundTable(heights, levels, rows, mirrored, spacing, misfits, level)
+    resting = (together[0][..., 1] - rest)[together[1]]
+    return GroundTable(
+        np.concatenate([heights for heights, _, _ in found]),
+        levels,
+        rows,
+        mirrored,
+        spacing,
+        _told([misfits for _, _, misfits in found]),
+        level=not len(resting) or float((np.abs(resting) > STEP).mean()) < RARE,
+    )
+
+
+class _Stretch(NamedTuple):
+    """Frames of a range, and those around them that their grounds are fitted to."""
+
+    r: int
+    frames: slice
+    reached: slice
 
 
 def nbytes(database: Database, labels: Labels, *, count: int, steps: int) -> int:
@@ -243,50 +267,25 @@ def _shared(database: Database, labels: Labels) -> tuple[list[int], dict[int, in
     return own, twins
 
 
-class _Fitted(NamedTuple):
-    """Heights [H, K, 3] of a range's stretches over their levels; rows and levels [T] of its frames; how far
-    feet are under the grounds [M]: in contact before the correction and after, and off contact."""
+def _heights(
+    grounds: Grounds, root: NDArray, yaw: NDArray, frames: slice, reach: tuple[int, int]
+) -> NDArray[np.floating]:
+    """Heights [H, K, 3] along the way of some frames of a range, and as far before and after them."""
+    wanted = np.arange(frames.start - reach[0], frames.stop + reach[1])
+    points, at = beyond(root, wanted)
+    return terrain_fit.along(grounds, points, ground_plane.facing(yaw[at])).swapaxes(0, 1)
 
-    heights: NDArray[np.float16]
-    rows: NDArray[np.int64]
-    levels: NDArray[np.float32]
-    misfits: tuple[NDArray, ...]
 
-
-def _range(
-    database: Database,
-    labels: Labels,
-    r: int,
-    feet: NDArray,
-    cut: Patches,
-    count: int,
-    reach: tuple[int, int],
-) -> _Fitted:
-    """Grounds under a range whose soles [T, C, 3] are given."""
-    root, yaw = _root(database, r)
-    down, gait = labels.contacts[_part(database, r)] != 0, labels.gait[_part(database, r)]
-    rows, levels = np.empty(len(root), np.int64), np.empty(len(root), np.float32)
-    heights: list[NDArray[np.float16]] = []
-    misfits: list[tuple[NDArray, ...]] = []
-    at = 0
-    fitted = terrain_fit.fit_clip(cut, feet, down, database.fps, count=count, jumping=gait[:, JUMP])
-    for own, grounds in fitted:
-        wanted = np.arange(own.start - reach[0], own.stop + reach[1])
-        points, frames = beyond(root, wanted)
-        found = terrain_fit.along(grounds, points, ground_plane.facing(yaw[frames])).swapaxes(0, 1)
-        rows[own], levels[own] = at + reach[0] + np.arange(own.stop - own.start), np.median(found)
-        heights.append((found - np.median(found)).astype(np.float16))
-        at += len(wanted)
-        x, y, z = feet[own][down[own]][::TOLD].T
-        up_x, up_y, up_z = feet[own][~down[own]][::TOLD].T
-        under = grounds.laid(x, z) - y, grounds(x, z) - y, grounds(up_x, up_z) - up_y
-        misfits.append(tuple(part.ravel() for part in under))
-    of_all = tuple(np.concatenate(part) for part in zip(*misfits, strict=True))
-    return _Fitted(np.concatenate(heights), rows, levels, of_all)
+def _misfits(grounds: Grounds, soles: NDArray, down: NDArray[np.bool_]) -> tuple[NDArray, ...]:
+    """How far soles [T, C, 3] are under grounds, metres [..]: before their correction and after those that
+    are down [T, C], after it the others."""
+    (x, y, z), (up_x, up_y, up_z) = (soles[which][::TOLD].T for which in (down, ~down))
+    under = grounds.laid(x, z) - y, grounds(x, z) - y, grounds(up_x, up_z) - up_y
+    return tuple(part.ravel() for part in under)
 
 
 def _told(misfits: list[tuple[NDArray, ...]]) -> dict[str, float]:
-    """`GroundTable.misfits` of how far feet are under the ground, metres [..], by range."""
+    """`GroundTable.misfits` of how far feet are under the ground, metres [..], by stretch."""
     before, after, sunk = (np.concatenate(part) for part in zip(*misfits, strict=True))
     shares = {"patch_mm": (np.abs(before), 95), "contact_mm": (np.abs(after), 95), "sunk_mm": (sunk, 99)}
     return {
