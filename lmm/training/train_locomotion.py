@@ -83,6 +83,7 @@ def train(
         settings,
         output,
         database=_fingerprint(database, found if given else None, terrain),
+        held_out=held_out,
         resume=resume,
         tensorboard=tensorboard,
     )
