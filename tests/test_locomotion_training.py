@@ -218,6 +218,7 @@ def test_the_same_seed_gives_the_same_model_and_goes_on_to_it(
     with pytest.raises(KeyboardInterrupt):
         train(database, tmp_path / "again", often)
     monkeypatch.undo()
+    assert Checkpoint.load(tmp_path / "again.checkpoint").held_out == list(trained.held_out)
     with pytest.raises(UserError, match="of other settings: seed was 0, is 1"):
         train(database, tmp_path / "again", settings(kind, seed=1), resume=True)
     resumed = train(database, tmp_path / "again", settings(kind), resume=True)
