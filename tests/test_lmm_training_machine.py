@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import replace
+from importlib import metadata
 
 import lmm_models
 import numpy as np
@@ -16,13 +17,22 @@ from lmm.training import projector  # noqa: E402
 from lmm.training import settings as settings_of  # noqa: E402
 from lmm.training.data import Data  # noqa: E402
 from lmm.training.decompressor import DecompressorStage  # noqa: E402
-from lmm.training.machine import machine  # noqa: E402
+from lmm.training.machine import machine, version  # noqa: E402
 from lmm.training.networks import Perceptron  # noqa: E402
 from lmm.training.projector import ProjectorStage  # noqa: E402
 from lmm.training.settings import Settings  # noqa: E402
 from lmm.training.stepper import StepperStage  # noqa: E402
 from lmm.training.train import train  # noqa: E402
 from motion.errors import UserError  # noqa: E402
+
+
+def test_a_checkout_that_is_not_installed_has_no_version(monkeypatch):
+    def none(name: str) -> str:
+        raise metadata.PackageNotFoundError(name)
+
+    assert version() == metadata.version("motion-matching")
+    monkeypatch.setattr(metadata, "version", none)
+    assert version() == "unknown"
 
 
 def test_without_a_gpu_one_line_says_so(tmp_path, monkeypatch):

@@ -7,6 +7,7 @@ import math
 import os
 import warnings
 from collections.abc import Iterator
+from importlib import metadata
 from typing import Any
 
 import torch
@@ -32,6 +33,14 @@ def memory() -> float:
         return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     except (AttributeError, ValueError, OSError):
         return math.inf
+
+
+def version() -> str:
+    """This program's; "unknown" in a checkout that is not installed."""
+    try:
+        return metadata.version("motion-matching")
+    except metadata.PackageNotFoundError:
+        return "unknown"
 
 
 @contextlib.contextmanager

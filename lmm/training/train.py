@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from importlib import metadata
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from .checkpoint import Errors
 from .closed_loop import ClosedLoopStage
 from .data import Data
 from .decompressor import DecompressorStage
-from .machine import check_memory
+from .machine import check_memory, version
 from .projector import ProjectorStage, kinds
 from .settings import Settings
 from .stage import Stage
@@ -101,6 +100,6 @@ def _model(
         database=database.fingerprint,
         ranges=len(database.starts),
         frames=len(database),
-        training={"settings": config.to_dict(settings), "version": metadata.version("motion-matching")},
+        training={"settings": config.to_dict(settings), "version": version()},
         errors=dict(errors),
     )

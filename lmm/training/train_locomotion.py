@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import warnings
-from importlib import metadata
 from typing import Any
 
 from numpy.typing import NDArray
@@ -23,7 +22,7 @@ from motion.errors import Note
 from . import checkpoint, loop, split
 from .locomotion import HORIZONS
 from .locomotion_settings import LocomotionTraining
-from .machine import check_memory
+from .machine import check_memory, version
 from .mann import MannData, MannStage
 from .mann_settings import MannTraining
 from .pfnn import PhaseData, PhaseStage
@@ -95,7 +94,7 @@ def train(
         database=database.fingerprint,
         ranges=len(database.starts),
         frames=len(database),
-        training={"settings": config.to_dict(settings), "version": metadata.version("motion-matching")}
+        training={"settings": config.to_dict(settings), "version": version()}
         | {name: value for name, value in told.items() if value},
         errors=dict(outcome.errors),
     )
