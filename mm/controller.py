@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from features import normalise
 from motion import foot_lock, foot_lock_numpy, springs
-from motion.errors import UserError
+from motion.errors import NotFinite, UserError
 from motion.pose import Poses
 
 from . import characters as state_types
@@ -197,7 +197,7 @@ class Controller:
             self._future_times, self._future_slots, self._trajectory,
         )  # fmt: skip
         if wrong >= 0:
-            raise UserError(f"the command of character {wrong} is not finite", remedy="give it numbers")
+            raise NotFinite(f"the command of character {wrong} is not finite", remedy="give it numbers")
         self._fill_past()
         self._lap("prediction")
         self._search(command, ended)

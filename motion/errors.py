@@ -39,5 +39,9 @@ class UserError(Exception):
         return where + self.what + (f"; {self.remedy}" if self.remedy else "")
 
 
+class NotFinite(UserError):
+    """A command or a query that is no number: the character that it is of is lost."""
+
+
 class Note(UserWarning):
     """A remark about what the user gave, which commands print as ``note: ...``, each once."""

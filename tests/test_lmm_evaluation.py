@@ -19,7 +19,7 @@ from mm import queries as recorded
 from mm.controller import Controller
 from mm.settings import Settings
 from motion import quat
-from motion.errors import UserError
+from motion.errors import NotFinite, UserError
 from motion.pose import Poses
 from motion.skeleton import Skeleton
 
@@ -266,6 +266,22 @@ def test_a_model_without_loss_but_for_time_stands_in_the_mean_pose(database, exa
     mean, _ = exact.layout.unpack(vectors.mean(axis=0, keepdims=True), database.fps)
     local = quality.in_root_space(database.skeleton, mean.positions, mean.rotations)
     assert row["real_cm"] == pytest.approx(driving.RealPoses(database).distances(local)[0], rel=0.05)
+
+
+def test_what_is_not_of_numbers_is_not_said_to_have_broken(database, exact, monkeypatch):
+    """Motion matching at the end of its clips is as sound as ever."""
+    judge = driving.Judge(database, ("circle",), seconds=1)
+    (system,) = driving.systems(exact, database, [""])
+
+    def record(*args: object, **options: object) -> None:
+        raise error
+
+    monkeypatch.setattr(driving.recording, "record", record)
+    error = NotFinite("the command of character 0 is not finite")
+    assert judge.judge(system, judge.courses[0]) == {"system": "mm", "course": "circle", "broke": True}
+    error = UserError("character 0 is at the end of its clip and no frame may follow")
+    with pytest.raises(UserError, match="no frame may follow"):
+        judge.judge(system, judge.courses[0])
 
 
 def test_other_courses_and_no_time():

@@ -20,7 +20,7 @@ from mm.driving import Clock, at_data_speeds, drive, natural_seconds
 from mm.nearness import RealPoses
 from mm.settings import Settings
 from motion import console, contacts
-from motion.errors import UserError
+from motion.errors import NotFinite, UserError
 from motion.pose import Poses
 
 Array = NDArray[np.floating]
@@ -51,14 +51,15 @@ class Judge:
         (`mm.nearness`), and frame_us, the median time of a step, by character. Where the course allows,
         the system's characters begin at other places or times, so that no two do the same.
 
-        A system whose poses are no numbers any more has no metrics, and the row says that it broke.
+        A system whose poses are no numbers any more has no metrics, and the row says that it broke; what
+        else keeps it from going on is a UserError.
         """
         clock = Clock(course, system.count, system.fps, spread=True)
         seconds = min(self._seconds, natural_seconds(course))
         named: dict[str, Any] = {"system": system.name, "course": course.name}
         try:
             tape = recording.record(system, course, seconds=seconds, driver=clock, progress=console.silent)
-        except UserError:  # where the character is, and with it the next command, is no number
+        except NotFinite:  # where the character is, and with it the next command, is no number
             return named | {"broke": True}
         if not all(np.isfinite(tape[name]).all() for name in ("positions", "rotations")):
             return named | {"broke": True}

@@ -16,7 +16,7 @@ from features.terrain import Ground, flat
 from mm import settings as mm_settings
 from mm.control import Command
 from motion import foot_lock, foot_lock_numpy, springs
-from motion.errors import UserError
+from motion.errors import NotFinite, UserError
 from motion.pose import Poses
 
 from . import settings as settings_types
@@ -232,7 +232,7 @@ class LocomotionController:
         self._lap_start = time.perf_counter()
         wrong = self._frame(slice(None), command, self._ground)
         if wrong >= 0:
-            raise UserError(f"the command of character {wrong} is not finite", remedy="give it numbers")
+            raise NotFinite(f"the command of character {wrong} is not finite", remedy="give it numbers")
         self._command = command
         shown = self._shown
         np.copyto(self._rotations, shown.rotations)

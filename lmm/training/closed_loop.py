@@ -18,7 +18,7 @@ from lmm.controller import controller
 from lmm.model import Model
 from mm import queries as recorded
 from mm.queries import Queries
-from motion.errors import UserError
+from motion.errors import NotFinite
 
 from .checkpoint import Errors
 from .data import Data
@@ -79,7 +79,7 @@ class ClosedLoopStage:
         user = recorded.random_user(self._data.database, seconds, seed=seed)
         try:
             queries = recorded.listen(crowd, user, count)
-        except UserError:  # where a character is, and with it the next command, is no number
+        except NotFinite:  # where a character is, and with it the next command, is no number
             return self._projector.judged["training"][0].take(slice(0)), 1.0
         usual = self._projector.judged["training"][0].features
         low, high = usual.min(axis=0), usual.max(axis=0)

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from motion.errors import UserError
+from motion.errors import NotFinite, UserError
 
 from .rows import sound
 
@@ -112,9 +112,9 @@ def check(
     if not sound(queries, limits):
         wrong = np.argwhere(~np.isfinite(queries))
         if len(wrong) == 0:
-            raise UserError("a bound is NaN", remedy="give it a number, or infinity for none")
+            raise NotFinite("a bound is NaN", remedy="give it a number, or infinity for none")
         row, column = wrong[0]
-        raise UserError(
+        raise NotFinite(
             f"query {row} is {queries[row, column]} in column {column}", remedy="give it finite numbers"
         )
     return Request(
