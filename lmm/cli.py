@@ -151,7 +151,8 @@ def train(
       batch = 64
       iterations = 20000
 
-    `info MODEL --json` lists them all. Those of a phase-functioned network stand in [pfnn], of a
+    `info MODEL --json` lists them all. The stepper's window is in frames at 60 Hz, whatever the data's rate;
+    others are in frames of the data. Those of a phase-functioned network stand in [pfnn], of a
     mode-adaptive one in [mann].
     """
     from motion import files

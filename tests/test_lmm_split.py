@@ -16,11 +16,13 @@ from motion.errors import UserError
 SETTINGS = Settings()
 
 
-def _database(lengths: dict[str, int], *, mirror: bool = True) -> Any:
+def _database(lengths: dict[str, int], *, mirror: bool = True, fps: float = 60.0) -> Any:
     """What of a database counts here: names and lengths of its ranges."""
     names = [name for name in lengths for _ in range(1 + mirror)]
     stops = np.cumsum([lengths[name] for name in names], dtype=np.int32)
-    return SimpleNamespace(names=tuple(names), starts=np.append(0, stops[:-1]).astype(np.int32), stops=stops)
+    return SimpleNamespace(
+        fps=fps, names=tuple(names), starts=np.append(0, stops[:-1]).astype(np.int32), stops=stops
+    )
 
 
 def test_about_the_share_is_held_out_by_seed() -> None:
@@ -65,6 +67,15 @@ def test_pieces_of_a_file_go_together() -> None:
     assert drawn == {*pieces, "run", "turn"}
     with pytest.raises(UserError, match=r"^a database of one clip; "):
         split.held_out(_database(pieces), SETTINGS)
+
+
+def test_a_window_is_as_long_at_any_rate() -> None:
+    """A third of a second, so many frames as it has."""
+    for fps, window in ((30.0, 10), (60.0, 20), (120.0, 40), (3.0, 2)):
+        names = split.held_out(_database({"a": 300, "b": window}, fps=fps), SETTINGS)
+        assert names == ("b",)
+        with pytest.raises(UserError, match=f"1 of 2 clips is as long as a window, {window} frames"):
+            split.held_out(_database({"a": 300, "b": window - 1}, fps=fps), SETTINGS)
 
 
 def test_a_share_of_0_holds_nothing_out() -> None:

@@ -210,6 +210,17 @@ def test_a_crowd_that_runs_away_is_told_of(trained, projector, capsys, speed):
     assert all(torch.isfinite(term) for term in stage.loss(0).values())
 
 
+def test_a_stepper_learns_the_same_seconds_at_any_rate():
+    database = lmm_models.database(fps=30.0)
+    data, chosen = Data(database), settings(held_out=0.0)
+    first = DecompressorStage(data, chosen)
+    first.begin()
+    stage = StepperStage(data, chosen, first)
+    stage.begin()
+    assert chosen.stepper.window == 20 and np.array_equal(stage._starts, data.starts(10))
+    assert all(torch.isfinite(term) for term in stage.loss(0).values())
+
+
 def test_half_of_a_steppers_windows_begin_off_the_data(database):
     data, chosen = Data(database), settings(held_out=0.0, stepper_noise=0.5)
     first = DecompressorStage(data, chosen)

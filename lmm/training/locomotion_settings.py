@@ -40,8 +40,7 @@ class LocomotionTraining(Common):
         """The training of the network."""
         raise NotImplementedError
 
-    @property
-    def longest(self) -> int:
+    def longest(self, fps: float) -> int:
         return self.stage.window + 2  # a range's first and last frame have no vectors
 
 

@@ -104,9 +104,8 @@ class Common:
         ):
             check_range(name, getattr(self, name), least, most)
 
-    @property
-    def longest(self) -> int:
-        """Frames of the longest window that is trained on."""
+    def longest(self, fps: float) -> int:
+        """Frames of the longest window that is trained on, at a rate."""
         raise NotImplementedError
 
 
@@ -121,6 +120,7 @@ class Settings(Common):
     ----------
     latent : size of the latent.
     compressor : widths of the compressor's hidden layers; it is trained with the decompressor.
+    stepper : its window is in frames at 60 Hz, and lasts as long at any other rate.
     stepper_noise : how far off half of the stepper's windows begin, at most, in deviations; 0 for none.
     closed_loop : the projector once more, also with what a crowd asks that the networks themselves drive;
         None for no such stage. Its hidden layers are the projector's, whatever it says.
@@ -143,9 +143,12 @@ class Settings(Common):
             if getattr(self, name).window < 2:
                 raise ConfigError((name, "window"), "1 frame has no rate of change", remedy="give at least 2")
 
-    @property
-    def longest(self) -> int:
-        return max(self.decompressor.window, self.stepper.window, self.projector.window)
+    def longest(self, fps: float) -> int:
+        return max(self.decompressor.window, self.stepper_window(fps), self.projector.window)
+
+    def stepper_window(self, fps: float) -> int:
+        """Frames of the stepper's windows at a rate."""
+        return max(2, round(self.stepper.window * fps / 60))
 
 
 def check_range(name: str, value: float, least: float, most: float) -> None:

@@ -26,7 +26,7 @@ def held_out(
     anyway do not count. Where one part would have no clip that is as long as the longest window, a UserError
     says so. Of every kind of motion, which clips have by name, there stays some that is trained on.
     """
-    longest = settings.longest
+    longest = settings.longest(database.fps)
     lengths = database.stops - database.starts
     frames = {name: 0 for name in database.names if name not in left_out}
     fits = dict.fromkeys(frames, False)

@@ -58,7 +58,8 @@ class StepperStage:
         self._mean, self._most, self._noise = (
             torch.from_numpy(row).to(self._all.device) for row in (mean, most, most * std)
         )
-        self._starts = data.starts(self.settings.window)
+        self._window = self._all.stepper_window(fps)
+        self._starts = data.starts(self._window)
         self._horizons = [h for h in HORIZONS if h < data.longest()] or [1]
         self._last = (data.database.stops - 1)[data.database.ranges()]
         self._samples = {
@@ -68,7 +69,7 @@ class StepperStage:
         }
 
     def loss(self, iteration: int) -> Mapping[str, Tensor]:
-        window, width, fps = self.settings.window, self._data.features.shape[1], self._data.database.fps
+        window, width, fps = self._window, self._data.features.shape[1], self._data.database.fps
         draw = generator(self._all.seed, self.name, iteration)
         first = self._starts[draw.integers(0, len(self._starts), self.settings.batch)]
         rows = torch.from_numpy(first + np.arange(window)[:, None]).to(self._tensor.device)
