@@ -266,6 +266,13 @@ def test_crouching_is_trained_on_and_so_is_going_upright(tmp_path):
     assert set(map(len, kinds(short).values())) == {0}
     with pytest.raises(UserError, match="no clip is longer than its end that is not searched, 20 frames"):
         train(short, tmp_path / "walk.lmm", settings())
+    for within in (True, False):  # crouched at the end of a clip alone, or upright there
+        tags = np.full(len(database), not within, np.uint32)
+        tags[-5:] = within
+        late = replace(database, tags=tags)
+        kind = "crouched" if within else "upright"
+        with pytest.raises(UserError, match=f"all {kind} frames lie in ends of clips .* 20 frames; build"):
+            train(late, tmp_path / "walk.lmm", settings())
     assert not list(tmp_path.iterdir())
 
 

@@ -20,7 +20,7 @@ from .closed_loop import ClosedLoopStage
 from .data import Data
 from .decompressor import DecompressorStage
 from .machine import check_memory, version
-from .projector import ProjectorStage, kinds
+from .projector import KINDS, ProjectorStage, kinds
 from .settings import Settings
 from .stage import Stage
 from .stepper import StepperStage
@@ -70,9 +70,12 @@ def _held_out(database: Database, settings: Settings) -> tuple[str, ...]:
     """Clips to hold out; searches among the others find crouched frames and upright ones, where there are."""
     found = kinds(database)
     names = split.held_out(database, settings, kinds=found)
-    if not any(found.values()):
-        ends = round(SETTINGS.ignore_end * database.fps)
-        what = f"no clip is longer than its end that is not searched, {ends} frames"
+    missing = set(KINDS.values()).difference(*found.values())
+    if len(missing) == len(KINDS) or (missing and Description.of(database, rigs=False).crouch_tag):
+        ends = f"not searched, {round(SETTINGS.ignore_end * database.fps)} frames"
+        what = f"all {missing.pop()} lie in ends of clips that are {ends}"
+        if missing:
+            what = f"no clip is longer than its end that is {ends}"
         raise UserError(f"too small a database: {what}", remedy="build one of longer clips")
     return names
 
