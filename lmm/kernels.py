@@ -294,12 +294,18 @@ def unpack(vectors, fps, positions, rotations, velocities, angular, contacts):
 
 @numba.njit(nogil=True, error_model="numpy", inline="always")
 def _rotation(xx, xy, xz, yx, yy, yz):
-    """The quaternion of two columns x and y of a matrix, made orthonormal (Gram-Schmidt, Shepperd)."""
+    """The quaternion of two columns x and y of a matrix, made orthonormal (Gram-Schmidt, Shepperd).
+
+    Those without direction turn nothing.
+    """
     one, half = np.float32(1), np.float32(0.5)
     length = one / max(math.sqrt(xx * xx + xy * xy + xz * xz), TINY)
     xx, xy, xz = xx * length, xy * length, xz * length
     zx, zy, zz = xy * yz - xz * yy, xz * yx - xx * yz, xx * yy - xy * yx
-    length = one / max(math.sqrt(zx * zx + zy * zy + zz * zz), TINY)
+    length = math.sqrt(zx * zx + zy * zy + zz * zz)
+    if length < TINY:
+        return one, 0, 0, 0
+    length = one / length
     zx, zy, zz = zx * length, zy * length, zz * length
     yx, yy, yz = zy * xz - zz * xy, zz * xx - zx * xz, zx * xy - zy * xx
     trace = xx + yy + zz

@@ -95,9 +95,14 @@ def columns(rotations: NDArray) -> Array:
 
 
 def rotations(xy: Array) -> Array:
-    """Quaternions [..., 4] of two columns [..., 3, 2] each, made orthonormal by Gram-Schmidt."""
+    """Quaternions [..., 4] of two columns [..., 3, 2] each, made orthonormal by Gram-Schmidt.
+
+    Those without direction turn nothing; what is no number stays none.
+    """
     x = xy[..., 0] / np.maximum(np.linalg.norm(xy[..., 0], axis=-1, keepdims=True), 1e-8)
     z = np.cross(x, xy[..., 1])
-    z /= np.maximum(np.linalg.norm(z, axis=-1, keepdims=True), 1e-8)
-    matrix = np.stack([x, np.cross(z, x), z], axis=-1)
-    return quat.from_matrix(matrix).astype(np.float32)
+    length = np.linalg.norm(z, axis=-1, keepdims=True)
+    z /= np.where(length < 1e-8, 1, length)
+    found = quat.from_matrix(np.stack([x, np.cross(z, x), z], axis=-1))
+    found = np.where(length < 1e-8, quat.identity(), found)
+    return np.where(np.isnan(length), np.nan, found).astype(np.float32)

@@ -351,12 +351,20 @@ def test_poses_of_vectors_equal_their_twins():
                 np.testing.assert_allclose(array, expected.arrays()[name], atol=1e-6, err_msg=name)
 
 
-def test_columns_without_direction_give_finite_rotations():
-    layout = Layout(3, 2)
-    vectors = np.zeros((2, layout.size), np.float32)
-    poses, contacts = Poses.empty(2, 3), np.zeros((2, 2), np.uint8)
-    kernels.unpack(vectors, 60.0, *poses.arrays().values(), contacts)
-    assert np.isfinite(poses.rotations).all()
+def test_columns_without_direction_are_no_rotation_and_no_numbers_stay_none():
+    """Nothing, one column alone, two along each other; NaN in either column."""
+    layout, one = Layout(7, 2), [0, 1, 0]
+    vectors = np.zeros((1, layout.size), np.float32)
+    pairs = np.float32(
+        [[[0, 0, 0]] * 2, [one, [0, 0, 0]], [[0, 0, 0], one], [one, one], [one] * 2, [one] * 2]
+    )
+    pairs[4, 0, 1] = pairs[5, 1, 2] = np.nan
+    vectors[:, layout.slices["rotations"]] = pairs.transpose(0, 2, 1).reshape(1, -1)
+    for module in (kernels, kernels_numpy):
+        poses, contacts = Poses.empty(1, 7), np.zeros((1, 2), np.uint8)
+        module.unpack(vectors, 60.0, *poses.arrays().values(), contacts)
+        np.testing.assert_allclose(poses.rotations[0, :5], [[1, 0, 0, 0]] * 5, atol=1e-6)
+        assert np.isnan(poses.rotations[0, 5:]).any(axis=-1).all()
 
 
 def test_a_state_advances_by_a_frame():
