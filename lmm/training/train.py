@@ -17,7 +17,7 @@ from motion.errors import UserError
 from . import checkpoint, loop, split
 from .checkpoint import Errors
 from .closed_loop import ClosedLoopStage
-from .data import Data
+from .data import Data, spread
 from .decompressor import DecompressorStage
 from .machine import check_memory, version
 from .projector import KINDS, ProjectorStage, kinds
@@ -98,7 +98,7 @@ def _model(
         compressor=first.compressor.network(),
         state_low=states.min(axis=0),
         state_high=states.max(axis=0),
-        state_std=states.std(axis=0),
+        state_std=spread(states)[1],
         held_out=data.held_out,
         database=database.fingerprint,
         ranges=len(database.starts),
