@@ -95,7 +95,8 @@ def errors(
 
     Decisions are left out where a query does not come from a frame that plays. Besides, off_data: how far the
     answers' features lie from the nearest row, and queries_off_data: how far the neighbours lie from the
-    queries (medians). latents [T, L] and index (`mm.queries.index_of`) where they are made already.
+    queries (medians). An answer that is no number is infinitely far from all. latents [T, L] and index
+    (`mm.queries.index_of`) where they are made already.
     """
     latents = model.latents(database) if latents is None else latents
     index = recorded.index_of(database, ranges=ranges) if index is None else index
@@ -103,6 +104,8 @@ def errors(
     asked = queries.take(frames >= 0)
     frames = frames[frames >= 0]
     states = answers(model, asked)
+    known = np.isfinite(states).all(axis=1)
+    states[~known] = np.inf
     found = answer_errors(
         database.schema,
         asked.features,
@@ -113,8 +116,9 @@ def errors(
         model.state_std[model.F :],
         asked.bound if np.all(asked.current >= 0) else None,
     )
-    nearest, _ = recorded.index_of(database, ignore_end=0).search(states[:, : model.F])
-    gaps = distances(database.schema, states[:, : model.F], database.features[nearest[:, 0]])
+    nearest, _ = recorded.index_of(database, ignore_end=0).search(states[known, : model.F])
+    gaps = np.full(len(states), np.inf)
+    gaps[known] = distances(database.schema, states[known, : model.F], database.features[nearest[:, 0]])
     asked_off = distances(database.schema, asked.features, database.features[frames])
     return found | {"off_data": float(np.median(gaps)), "queries_off_data": float(np.median(asked_off))}
 
