@@ -14,6 +14,7 @@ import json
 import os
 import stat
 import tempfile
+import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -138,7 +139,7 @@ def atomic(path: str | os.PathLike[str], mode: str = "wb") -> Iterator[IO[Any]]:
         while kind(folder := folder.parent) is None:
             made.append(folder)
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(prefix=f".{path.name[:40]}.", dir=path.parent)
+        handle, temporary = tempfile.mkstemp(prefix=half_written(path), dir=path.parent)
         os.fchmod(handle, 0o644) if hasattr(os, "fchmod") else None
         options: dict[str, Any] = {} if "b" in mode else {"encoding": "utf-8", "newline": "\n"}
         with os.fdopen(handle, mode, **options) as stream:
@@ -162,6 +163,11 @@ def atomic(path: str | os.PathLike[str], mode: str = "wb") -> Iterator[IO[Any]]:
                 os.unlink(temporary)
             for folder in made:
                 folder.rmdir()
+
+
+def half_written(path: Path) -> str:
+    """How names begin of the temporary files that are to become path, and of no others."""
+    return f".{path.name[:40]}.{zlib.crc32(os.fsencode(path.name)):08x}."
 
 
 def fingerprint(arrays: Mapping[str, NDArray], metadata: Mapping[str, Any]) -> str:

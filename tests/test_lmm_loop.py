@@ -284,6 +284,18 @@ def test_another_version_of_torch_does_not_go_on(tmp_path: Path) -> None:
         _train(tmp_path / "fit", _stages(), resume=True)
 
 
+def test_only_its_own_half_written_checkpoints_are_removed(tmp_path: Path) -> None:
+    """Not those of another training in the same folder, however alike the names begin."""
+    mine, other = (checkpoint.path_of(tmp_path / ("walk" * 20 + end)) for end in ("-1", "-2"))
+    with files.atomic(other) as stream:
+        stream.write(b"half")
+        left = tmp_path / f"{files.half_written(mine)}abcd_123"
+        left.touch()
+        checkpoint.clean(mine)
+        assert not left.exists()
+    assert other.read_bytes() == b"half" and list(tmp_path.iterdir()) == [other]
+
+
 def test_other_clips_held_out_do_not_go_on(whole: Path, tmp_path: Path) -> None:
     """Another version of the program may choose them otherwise, with the same settings."""
     output, stages = tmp_path / "fit", _stages()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -152,8 +151,7 @@ def remove(path: Path) -> None:
 
 def clean(path: Path) -> None:
     """Remove half-written checkpoints beside path, which a killed training leaves."""
-    half = re.compile(re.escape(f".{path.name[:40]}.") + r"[a-z0-9_]{8}")  # see `motion.files.atomic`
     with contextlib.suppress(OSError):
         for found in path.parent.iterdir():
-            if half.fullmatch(found.name):
+            if found.name.startswith(files.half_written(path)):
                 found.unlink(missing_ok=True)
