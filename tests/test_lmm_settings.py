@@ -8,8 +8,9 @@ from typing import Any
 
 import pytest
 
+from lmm.training import pfnn_settings
 from lmm.training import settings as module
-from lmm.training.settings import PRESETS, RECIPES, Settings, StageSettings, preset
+from lmm.training.settings import PRESETS, RECIPES, Common, Settings, StageSettings, preset
 from motion import config
 from motion.config import ConfigError
 from motion.errors import UserError
@@ -50,7 +51,8 @@ def test_settings_go_through_plain_data(recipe: str, tmp_path: Path) -> None:
     one = preset(recipe, "quick")
     assert config.from_dict(Settings, config.to_dict(one)) == one
     config.dump(one, tmp_path / "settings.toml")
-    assert module.load(tmp_path / "settings.toml", Settings()) == one
+    base = Settings(recipe=recipe, preset="quick")
+    assert module.load(tmp_path / "settings.toml", base) == one
 
 
 def test_a_file_overrides_what_it_names_only(tmp_path: Path) -> None:
@@ -82,6 +84,26 @@ def test_faults_of_a_file_name_line_and_key(text: str, line: int, message: str, 
     path.write_text(text)
     with pytest.raises(UserError, match=f"own.toml:{line}: {message}"):
         module.load(path, preset("ours", "full"))
+
+
+@pytest.mark.parametrize(
+    ("name", "asked", "base"),
+    [
+        ("recipe", "reference", preset("ours", "full")),
+        ("preset", "smoke", preset("ours", "full")),
+        ("configuration", "holden-xl", pfnn_settings.preset()),
+    ],
+)
+def test_a_file_does_not_say_what_settings_begin_as(
+    name: str, asked: str, base: Common, tmp_path: Path
+) -> None:
+    """Its networks would have the sizes of one recipe and be trained by the other."""
+    path = tmp_path / "own.toml"
+    path.write_text(f'seed = 3\n{name} = "{asked}"\n')
+    with pytest.raises(UserError, match=f"own.toml:2: {name}: '{asked}' is .*; give --{name} {asked}$"):
+        module.load(path, base)
+    path.write_text(f'seed = 3\n{name} = "{getattr(base, name)}"\n')
+    assert module.load(path, base) == dataclasses.replace(base, seed=3)
 
 
 @pytest.mark.parametrize(

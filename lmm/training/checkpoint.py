@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from motion import files
 from motion.errors import UserError
 
+from .settings import BEGUN_AS
+
 KIND, VERSION = "training checkpoint", 1
 FREE = ("checkpoint_seconds",)  # settings that change nothing in what comes out
-LEADING = ("recipe", "preset", "configuration")  # settings that make others differ
 SHOWN = 3
 
 Errors = dict[str, dict[str, float]]
@@ -121,7 +122,7 @@ def differences(one: dict[str, Any], other: dict[str, Any], prefix: str = "") ->
 
 def _listed(told: dict[str, tuple[Any, Any]]) -> str:
     """The first differences, and before all those that others follow from."""
-    names = sorted(told, key=lambda name: name not in LEADING)
+    names = sorted(told, key=lambda name: name not in BEGUN_AS)
     first = [f"{name} was {_brief(told[name][0])}, is {_brief(told[name][1])}" for name in names[:SHOWN]]
     return ", ".join(first) + f" and {len(told) - SHOWN} more" * (len(told) > SHOWN)
 

@@ -19,6 +19,7 @@ Recipe = Literal["ours", "reference"]
 Preset = Literal["smoke", "quick", "full"]
 RECIPES: tuple[Recipe, ...] = ("ours", "reference")
 PRESETS: tuple[Preset, ...] = ("smoke", "quick", "full")
+BEGUN_AS = ("recipe", "preset", "configuration")  # settings that others follow from
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -218,5 +219,15 @@ def _each(settings: Settings, **changes: Any) -> Settings:
 
 
 def load(path: str | os.PathLike[str], base: Told) -> Told:
-    """Settings of a TOML file; what it leaves out is as in base. Faults are UserErrors with file and line."""
-    return config.load(type(base), path, base=base)
+    """Settings of a TOML file; what it leaves out is as in base. Faults are UserErrors with file and line.
+
+    So are other `BEGUN_AS` than base's, which would not bring the settings that they name.
+    """
+    found = config.load(type(base), path, base=base)
+    for name in BEGUN_AS:
+        asked = getattr(found, name, None)
+        if asked != getattr(base, name, None):
+            line = config.line_of(config.read_toml(path)[1], (name,))
+            what = f"{name}: {shown(asked)} is what all settings begin as"
+            raise UserError(what, path=path, line=line, remedy=f"give --{name} {asked}")
+    return found
