@@ -285,6 +285,9 @@ def _mixed(
     rows, nearest = None, None
     if up or down or guessed or fed:
         rows = Rows(database, model.latents(database) if latents is None else latents)
+        if rows.latents.shape[1:] != (model.L,):
+            what = f"latents of shape {list(rows.latents.shape)}, expected [{len(database)}, {model.L}]"
+            raise UserError(what, remedy="make them with this model")
     if rows is not None and (down or guessed):
         nearest = Nearest(model, database, rows, ignore_end=ignore_end)
 

@@ -365,6 +365,9 @@ def test_mixtures_need_the_database_that_the_model_was_trained_from(model, datab
         mixtures.stages(model, learned="D", database=lmm_models.database(fps=30.0))
     with pytest.raises(UserError, match="latents of 3 frames"):
         mixtures.stages(model, learned="D", database=database, latents=np.zeros((3, model.L)))
+    for shape in ((len(database), model.L + 1), (len(database),)):
+        with pytest.raises(UserError, match=r"latents of shape \[.*, expected \[\d+, 5\]; make them"):
+            mixtures.stages(model, learned="S", database=database, latents=np.zeros(shape))
 
 
 @pytest.mark.parametrize("learned", COMBINATIONS)
