@@ -16,6 +16,7 @@ from .locomotion.model import LocomotionModel
 from .mann import model as of_mann
 from .mann.model import MannModel
 from .model import Model
+from .network import WEIGHTS
 from .pfnn import model as of_phase
 from .pfnn.model import PhaseModel
 
@@ -33,7 +34,6 @@ TITLES = {
     "mann": "mode-adaptive networks",
 }
 _FORMATS = {of_stages.KIND: "lmm", of_phase.KIND: "pfnn", of_mann.KIND: "mann"}
-WEIGHTS = ("float32", "float16", "int8", "bfloat16")
 
 
 def kind_of(model: AnyModel | str | os.PathLike[str]) -> str:

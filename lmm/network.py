@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from motion.errors import UserError
 Array = NDArray[np.float32]
 Activation = Literal["relu", "elu"]
 WeightType = Literal["float32", "float16", "int8"]
+WEIGHTS = (*get_args(WeightType), "bfloat16")  # what weights may be held as when networks run
 NORMALISATION = ("input_mean", "input_std", "output_mean", "output_std")
 
 

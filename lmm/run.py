@@ -11,6 +11,8 @@ import click
 from mm import runs
 from motion.errors import UserError
 
+from .network import WEIGHTS
+
 if TYPE_CHECKING:
     from mm.description import Description
 
@@ -18,7 +20,6 @@ if TYPE_CHECKING:
     from .model import Model
 
 MODES = ("cubic", "linear", "constant")
-WEIGHTS = ("float32", "float16", "int8", "bfloat16")
 
 
 @click.command(epilog="Example: python -m lmm run walk.lmm --course thesis -o lap.bvh")
