@@ -216,11 +216,15 @@ def test_a_projector_that_echoes_is_near_the_query_but_off_the_data(database, ex
 def test_a_projector_that_answers_no_numbers_is_bad(database, exact):
     network = exact.projector
     lost = replace(network, biases=(*network.biases[:-1], np.full_like(network.biases[-1], np.nan)))
+    lost = replace(exact, projector=lost)
     with np.errstate(invalid="ignore"):
-        found = projector.errors(replace(exact, projector=lost), database, recorded.record(database, 100))
+        found = projector.errors(lost, database, recorded.record(database, 100))
     assert found["regret"]["median"] == found["off_data"] == found["latent_error"] == np.inf
     assert found["regret"]["shares"][-1] == 1 and np.isfinite(found["queries_off_data"])
     assert evaluate.target("regret", 1.05, found["regret"]["median"])["met"] is False
+    mixtures = evaluate.evaluate(lost, database, BRIEF)["mixtures"]
+    broke = {row["system"] for row in mixtures if "broke" in row}
+    assert {"lmm-P", "lmm-PS", "lmm-PD"} <= broke and not broke & {"mm", "lmm-S", "lmm-D", "lmm-SD"}
 
 
 def test_noisy_rows_are_rows_with_real_noise(database):

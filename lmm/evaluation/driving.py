@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -74,6 +75,22 @@ class Judge:
         }
 
 
+@dataclass(frozen=True)
+class Lost:
+    """A system that cannot begin, for its networks put out no numbers: judged, it broke."""
+
+    name: str
+    count: int
+    fps: float
+    error: NotFinite
+
+    def reset(self, *places: Array) -> None:
+        raise self.error
+
+    def memory(self) -> dict[str, float]:
+        return {"unknown": float("nan")}
+
+
 def systems(
     model: Model,
     database: Database,
@@ -82,25 +99,29 @@ def systems(
     count: int = 1,
     latents: Array | None = None,
     locked: bool = True,
-) -> Iterator[Controller]:
+) -> Iterator[Any]:
     """Characters driven by each mixture of stages: "PSD" is the model, "" motion matching, mm.
 
-    Feet are held where that is asked for and the skeleton has whole legs; else names end in -free.
+    Feet are held where that is asked for and the skeleton has whole legs; else names end in -free. Those that
+    cannot begin are `Lost`.
     """
     settings = Settings(foot_lock=locked and model.description.legs is not None)
     index = queries.index_of(database)
     for letters in learned:
         name = (f"lmm-{letters}" if letters else "mm") + ("" if settings.foot_lock else "-free")
-        yield controller(
-            model,
-            count=count,
-            learned=letters,
-            database=database,
-            index=index,
-            latents=latents,
-            settings=settings,
-            name=name,
-        )
+        try:
+            yield controller(
+                model,
+                count=count,
+                learned=letters,
+                database=database,
+                index=index,
+                latents=latents,
+                settings=settings,
+                name=name,
+            )
+        except NotFinite as error:
+            yield Lost(name, count, model.description.fps, error)
 
 
 def summary(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
