@@ -35,7 +35,7 @@ def test_settings_go_through_plain_data_and_files(tmp_path: Path) -> None:
     assert config.from_dict(MannTraining, config.to_dict(one)) == one
     path = tmp_path / "own.toml"
     config.dump(one, path)
-    assert load(path, MannTraining()) == one
+    assert load(path, MannTraining(preset="quick")) == one
     path.write_text("seed = 3\n[mann]\nexperts = 8\n")
     expected = dataclasses.replace(one, seed=3, mann=dataclasses.replace(one.mann, experts=8))
     assert load(path, one) == expected

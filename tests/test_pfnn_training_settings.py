@@ -47,7 +47,7 @@ def test_settings_go_through_plain_data_and_files(tmp_path: Path) -> None:
     assert config.from_dict(PhaseTraining, config.to_dict(one)) == one
     path = tmp_path / "own.toml"
     config.dump(one, path)
-    assert load(path, PhaseTraining()) == one
+    assert load(path, PhaseTraining(preset="quick", configuration="holden-xl")) == one
     path.write_text("seed = 3\n[pfnn]\nbatch = 7\n")
     expected = dataclasses.replace(one, seed=3, pfnn=dataclasses.replace(one.pfnn, batch=7))
     assert load(path, one) == expected
