@@ -408,7 +408,7 @@ class Controller:
         }
 
 
-def build_index(database: Database, name: str, settings: Settings, **options: Any) -> search.Index:
+def build_index(database: stages.Searched, name: str, settings: Settings, **options: Any) -> search.Index:
     """A search index over a database, with the exclusions of the settings."""
     return search.build(
         name,

@@ -15,12 +15,37 @@ from typing import Any, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from features.schema import Schema
 from motion.pose import Poses
 
 from . import kernels, search
 from .database import Database
 
 NOBODY = np.zeros(0, np.int64)
+
+
+class Searched(Protocol):
+    """What search and stepping ask of a database, compressed or not: all but its poses."""
+
+    @property
+    def fps(self) -> float: ...
+
+    @property
+    def schema(self) -> Schema: ...
+
+    @property
+    def features(self) -> NDArray[np.float32]: ...
+
+    @property
+    def tags(self) -> NDArray[np.uint32]: ...
+
+    @property
+    def starts(self) -> NDArray[np.int32]: ...
+
+    @property
+    def stops(self) -> NDArray[np.int32]: ...
+
+    def ranges(self) -> NDArray[np.int32]: ...
 
 
 class State(Protocol):
@@ -130,7 +155,7 @@ class Frames:
     last: NDArray[np.int32]
 
     @staticmethod
-    def of(database: Database) -> Frames:
+    def of(database: Searched) -> Frames:
         last = (database.stops - 1)[database.ranges()].astype(np.int32)
         return Frames(plain(database.features), plain(database.tags), last)
 
@@ -204,7 +229,7 @@ class SearchProjection:
 class FrameStepping:
     """The next frame of the same range; the last one of a range stays."""
 
-    def __init__(self, database: Database, *, ignore_end: int) -> None:
+    def __init__(self, database: Searched, *, ignore_end: int) -> None:
         self.data = Frames.of(database)
         lengths = database.stops - database.starts
         # Begin where a search could have put us: the longest range, a little into it.
