@@ -13,6 +13,7 @@ from motion import console
 from motion.options import ROLES
 
 from . import options
+from .codecs.cli import compress
 from .run import courses, run, settings
 
 if TYPE_CHECKING:
@@ -89,15 +90,24 @@ def build(sources: tuple[str, ...], output: str, as_json: bool, **chosen: Any) -
 @click.argument("db", type=click.Path())
 @console.json_option
 def info(db: str, as_json: bool) -> None:
-    """Describe a database."""
+    """Describe a database, or a compressed one."""
+    from motion import files
+
     from . import summary
+    from .codecs import compressed
+    from .codecs import summary as coded
     from .database import Database
 
-    facts = summary.describe(Database.load(db), db)
+    if files.format_of(db) == compressed.KIND:
+        small = compressed.Compressed.load(db)
+        facts = summary.describe(small.decoded(), db) | coded.describe(small, db)
+        show = coded.show_with_database
+    else:
+        facts, show = summary.describe(Database.load(db), db), summary.show
     if as_json:
         console.print_json(facts)
     else:
-        summary.show(facts)
+        show(facts)
 
 
 @main.command("import", epilog="Example: python -m mm import reference/resources -o reference.mmdb")
@@ -174,6 +184,7 @@ def enlarge(db: str, output: str, joints: int) -> None:
     print(_wrote(output, large))
 
 
+main.add_command(compress)
 main.add_command(run)
 main.add_command(courses)
 main.add_command(settings)

@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 def run(db: str, index: str, **options: Any) -> None:
     """Drive characters over a course by motion matching.
 
-    DB is a database that `build` wrote. The course's speeds are scaled to those of the data. With --rig each
-    character poses a rig of other joints and lengths at run time, by the roles of its joints; the world is
-    as much larger for it as its legs are longer. With --heights feet are put on uneven ground.
+    DB is a database that `build` wrote, or `compress`. The course's speeds are scaled to those of the data.
+    With --rig each character poses a rig of other joints and lengths at run time, by the roles of its joints;
+    the world is as much larger for it as its legs are longer. With --heights feet are put on uneven ground.
 
     \b
     A course file (`courses NAME -o FILE` writes a ready-made one to edit):
@@ -35,11 +35,19 @@ def run(db: str, index: str, **options: Any) -> None:
     """
 
     def load() -> runs.Driven:
+        from motion import files
+
+        from .codecs import compressed
         from .controller import Controller
         from .database import Database
         from .description import Description
         from .settings import Settings
 
+        if files.format_of(db) == compressed.KIND:
+            from .codecs.stages import controller
+
+            small = compressed.Compressed.load(db)
+            return runs.Driven(small.description, partial(controller, small, index=index), Settings)
         database = Database.load(db)
         description = Description.of(database, rigs=False)
         return runs.Driven(description, partial(Controller, database, index=index), Settings)
