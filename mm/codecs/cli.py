@@ -43,8 +43,8 @@ def compress(db: str, output: str, codecs: tuple[str, ...], features: str, as_js
       recomputed     velocities are differences of the poses decoded
       quantised-11   rotations by their three smallest components, 11 bits each (6 to 18); translations that
                      vary of 16 bits, the others once; velocities recomputed
-      keyframes-0.5  so few frames that no joint of those between is off by more than 0.5 cm; velocities
-                     recomputed
+      keyframes-0.5  so few frames that of those between no joint, nor what turns with it within
+                     10 cm, is off by more than 0.5 cm; velocities recomputed
 
     Features: 8bit rounds every column to 256 values; pq (product quantisation) takes a byte for three
     columns. The search runs on what is decoded of them.

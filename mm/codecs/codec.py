@@ -23,7 +23,7 @@ class Codec:
         they are not constant.
     bits : of each of the smallest three; 0 unless quantised.
     recomputed : whether joints' velocities are differences of the poses decoded, or stored.
-    keyframes : error in cm within which frames are interpolated; None stores every frame.
+    keyframes : error in cm within which frames are interpolated (`mm.codecs.keyframes`); None stores all.
     features : float32, float16, 8bit (a column) or pq (product quantisation).
     """
 
