@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 @click.command(epilog="Example: python -m mm run walk.mmdb --course thesis -o lap.bvh")
 @click.argument("db", type=click.Path())
 @runs.options
-@click.option("--index", default="exact", show_default=True, help="Search index.")
+@click.option(
+    "--index", default="exact", show_default=True, help="Search index; of 8-bit features also coded."
+)
 def run(db: str, index: str, **options: Any) -> None:
     """Drive characters over a course by motion matching.
 

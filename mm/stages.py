@@ -156,8 +156,12 @@ class Frames:
 
     @staticmethod
     def of(database: Searched) -> Frames:
-        last = (database.stops - 1)[database.ranges()].astype(np.int32)
-        return Frames(plain(database.features), plain(database.tags), last)
+        return Frames(plain(database.features), plain(database.tags), last_frames(database))
+
+
+def last_frames(database: Searched) -> NDArray[np.int32]:
+    """The last frame of each frame's range, int32 [T]."""
+    return (database.stops - 1)[database.ranges()].astype(np.int32)
 
 
 @dataclass(eq=False)
@@ -229,8 +233,8 @@ class SearchProjection:
 class FrameStepping:
     """The next frame of the same range; the last one of a range stays."""
 
-    def __init__(self, database: Searched, *, ignore_end: int) -> None:
-        self.data = Frames.of(database)
+    def __init__(self, database: Searched, *, ignore_end: int, data: Frames | None = None) -> None:
+        self.data = Frames.of(database) if data is None else data
         lengths = database.stops - database.starts
         # Begin where a search could have put us: the longest range, a little into it.
         longest = int(np.argmax(lengths))

@@ -91,8 +91,9 @@ def test_compiled_kernels_equal_their_twin(database: Database) -> None:
 
 def test_memory_is_what_is_held(database: Database) -> None:
     small = compress(database, parse("quantised-11", features="8bit"))
-    held = controller(small).memory()
+    held, coded = controller(small).memory(), controller(small, index="coded").memory()
     stored = small.memory()
+    assert coded["features"] == stored["features"] and coded["index"] < held["index"] / 4
     for part in ("poses", "root motion", "contacts"):
         assert held[part] == stored[part]
     assert held["features"] == 4 * stored["features"] - 4 * 2 * 4 * small.schema.size

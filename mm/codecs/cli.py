@@ -47,7 +47,8 @@ def compress(db: str, output: str, codecs: tuple[str, ...], features: str, as_js
                      10 cm, is off by more than 0.5 cm; velocities recomputed
 
     Features: 8bit rounds every column to 256 values; pq (product quantisation) takes a byte for three
-    columns. The search runs on what is decoded of them.
+    columns. The search runs on what is decoded of them; or with `run --index coded`, which takes longer, on 8
+    bits as they are stored.
     """
     from motion import files
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -38,7 +39,6 @@ class Compressed:
     codec : how it is stored.
     tables : of the poses, see `mm.codecs.tables`.
     coded : arrays of the features, see `mm.codecs.features`.
-    features : float32 [T, F], decoded of them: what the search runs on.
     origins : float32 [R, 3], where the ground root begins each range: x, z (m) and yaw (rad).
     names, mirrored, tags : see `mm.database.Database`.
     errors : what `mm.codecs.errors.measure` found; empty where it was not measured.
@@ -49,7 +49,6 @@ class Compressed:
     codec: Codec
     tables: Tables
     coded: dict[str, NDArray]
-    features: NDArray[np.float32]
     origins: NDArray[np.float32]
     names: tuple[str, ...]
     mirrored: NDArray[np.bool_]
@@ -62,7 +61,12 @@ class Compressed:
         return f"Compressed({size}, codec {self.codec.name!r}, features {self.codec.features!r})"
 
     def __len__(self) -> int:
-        return len(self.features)
+        return int(self.stops[-1])
+
+    @cached_property
+    def features(self) -> NDArray[np.float32]:
+        """Normalised features [T, F], decoded: what the search runs on."""
+        return plain(feature_codecs.decode(self.coded, self.schema.size))
 
     @property
     def skeleton(self) -> Skeleton:
@@ -164,7 +168,7 @@ class Compressed:
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> Compressed:
-        """Read one, memory-mapped but for the features. Errors: see `motion.files.load`."""
+        """Read one, memory-mapped. Errors: see `motion.files.load`."""
         metadata, arrays, fingerprint = files.load(path, KIND, VERSION)
         with files.content_of(path, KIND):
             described = Description.from_parts(metadata["description"], _part(arrays, "description."))
@@ -181,7 +185,6 @@ class Compressed:
                 codec=codec,
                 tables=tables,
                 coded=coded,
-                features=plain(feature_codecs.decode(coded, described.schema.size)),
                 origins=arrays["origins"],
                 names=tuple(metadata["names"]),
                 mirrored=arrays["mirrored"],
@@ -191,8 +194,6 @@ class Compressed:
             )
             if len(compressed.names) != len(compressed.starts):
                 raise ValueError(f"{len(compressed.names)} names of {len(compressed.starts)} ranges")
-            if compressed.features.shape != (frames, described.schema.size):
-                raise ValueError(f"features {compressed.features.shape} of {frames} frames")
         return compressed
 
 
@@ -202,13 +203,11 @@ def compress(database: Database, codec: Codec | str, *, rigs: bool = True) -> Co
     Without rigs it cannot drive rigs, and takes less time. See `encode` for errors.
     """
     codec = parse(codec) if isinstance(codec, str) else codec
-    coded = feature_codecs.encode(database.features, codec.features)
     return Compressed(
         description=Description.of(database, rigs=rigs),
         codec=codec,
         tables=encode(database, codec),
-        coded=coded,
-        features=plain(feature_codecs.decode(coded, database.schema.size)),
+        coded=feature_codecs.encode(database.features, codec.features),
         origins=root.path(database)[database.starts].astype(np.float32),
         names=database.names,
         mirrored=database.mirrored,
@@ -285,7 +284,11 @@ def _check(
     files.check_shapes(coded, feature_codecs.expected(codec.features, frames, description.schema.size))
     if codec.features == "pq":
         centroids, codes = coded["centroids"], coded["codes"]
-        if centroids.shape[0] != codes.shape[1] or centroids.ndim != 3 or codes.max() >= centroids.shape[1]:
+        if (
+            centroids.shape[0] != codes.shape[1]
+            or centroids.shape[2:] != (3,)
+            or codes.max() >= centroids.shape[1]
+        ):
             raise ValueError(f"codes {codes.shape} of centroids {centroids.shape}")
     tagged = frames if description.tag_names else 0
     if arrays["tags"].shape != (tagged,) or arrays["tags"].dtype.kind != "u":

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -10,9 +12,10 @@ from motion.pose import Poses
 from .. import search
 from ..controller import Controller, build_index
 from ..settings import Settings
-from ..stages import FrameState, FrameStepping, SearchProjection, Stages
+from ..stages import Frames, FrameState, FrameStepping, SearchProjection, Stages, last_frames, plain
 from . import kernels, kernels_numpy
 from .compressed import Compressed
+from .search import Coded
 
 
 class DecodedPoses:
@@ -43,16 +46,31 @@ def stages(
     settings: Settings | None = None,
     compiled: bool = True,
 ) -> Stages:
-    """The classical stages on a compressed database; the index searches the features decoded."""
+    """The classical stages on a compressed database.
+
+    The index, by its name or built by `index_of`, searches the features decoded; "coded" those of 8 bits as
+    they are stored (`mm.codecs.search`), which takes longer, and far less memory.
+    """
     settings = settings or Settings()
-    index = build_index(compressed, index, settings) if isinstance(index, str) else index
+    index = index_of(compressed, index, settings) if isinstance(index, str) else index
+    data = None
+    if isinstance(index, Coded):
+        rows: Any = index.rows  # has of an array what states ask for
+        data = Frames(rows, plain(compressed.tags), last_frames(compressed))
     return Stages(
         SearchProjection(
             index, compressed.tags, ignore_radius=round(settings.ignore_radius * compressed.fps)
         ),
-        FrameStepping(compressed, ignore_end=round(settings.ignore_end * compressed.fps)),
+        FrameStepping(compressed, ignore_end=round(settings.ignore_end * compressed.fps), data=data),
         DecodedPoses(compressed, compiled=compiled),
     )
+
+
+def index_of(compressed: Compressed, name: str, settings: Settings) -> search.Index:
+    """A search index over a compressed database; "coded", or one that `mm.search` knows."""
+    if name == Coded.name:
+        return Coded(compressed, ignore_end=round(settings.ignore_end * compressed.fps))
+    return build_index(compressed, name, settings)
 
 
 def controller(
@@ -66,7 +84,7 @@ def controller(
     name: str | None = None,
 ) -> Controller:
     """Motion matching on a compressed database; parameters as `mm.controller.Controller` has them."""
-    index = build_index(compressed, index, settings or Settings()) if isinstance(index, str) else index
+    index = index_of(compressed, index, settings or Settings()) if isinstance(index, str) else index
     return Controller(
         compressed.description,
         count=count,

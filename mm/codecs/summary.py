@@ -11,6 +11,7 @@ from motion import console
 
 from .. import summary
 from .compressed import Compressed
+from .search import Coded
 from .stages import controller
 
 _LABELS = {
@@ -24,10 +25,12 @@ _LABELS = {
 def describe(compressed: Compressed, path: str | os.PathLike[str]) -> dict[str, Any]:
     """Codec, bytes by part and errors as plain data.
 
-    bytes : as stored. loaded_bytes : what the controller of one character holds with the exact index: poses
-        as they are stored, features as float32, and what the index makes of them.
+    bytes : as stored. loaded_bytes : what the controller of one character holds: poses as they are stored;
+        features as float32 and the exact index, or where they are stored of 8 bits just that and the index
+        coded.
     uncompressed_bytes : those of the database that it was made from, without an index.
     """
+    index = Coded.name if compressed.codec.features == "8bit" and compressed.schema.euclidean else "exact"
     frames, joints = len(compressed), len(compressed.skeleton)
     whole = {
         "poses": frames * joints * 28,
@@ -46,7 +49,8 @@ def describe(compressed: Compressed, path: str | os.PathLike[str]) -> dict[str, 
         "key_frames": len(compressed.tables.keys) or None,
         "file_bytes": Path(path).stat().st_size,
         "bytes": compressed.memory(),
-        "loaded_bytes": controller(compressed).memory(),
+        "index": index,
+        "loaded_bytes": controller(compressed, index=index).memory(),
         "uncompressed_bytes": whole,
         "errors": compressed.errors,
     }
@@ -61,7 +65,10 @@ def show(facts: Mapping[str, Any]) -> None:
         f"{facts['path']}: codec {facts['codec']}, features {facts['features_codec']}, "
         f"{facts['frames']:,} frames{kept}"
     )
-    print(f"{total / 1e6:.2f} of {before / 1e6:.2f} MB, {total / facts['frames']:.1f} bytes a frame")
+    print(
+        f"{total / 1e6:.2f} of {before / 1e6:.2f} MB, {total / facts['frames']:.1f} bytes a frame; "
+        f"loaded with the index {facts['index']}"
+    )
     parts = dict.fromkeys((*stored, *whole, *facts["loaded_bytes"]))
     rows = [
         {
