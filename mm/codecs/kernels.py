@@ -22,35 +22,39 @@ SPARE = 6  # poses that `decode` writes into besides what it returns: five frame
 @_jit
 def half(stored):
     """The float32 of a finite half float, seen as uint16: its bits, moved, are it by 2^-112."""
-    moved = np.uint32((np.uint32(stored) & np.uint32(0x7FFF)) << np.uint32(13))
-    value = moved.view(np.float32) * np.float32(2.0**112)
-    return -value if stored & np.uint16(0x8000) else value
+    number = np.uint32(stored)
+    moved = (number & np.uint32(0x7FFF)) << np.uint32(13) | (number & np.uint32(0x8000)) << np.uint32(16)
+    return np.uint32(moved).view(np.float32) * np.float32(2.0**112)
 
 
 @_jit
 def word(row, at, count):
     """count bits of a row of bytes, from bit at on, the lowest first; 57 at the most."""
-    first, shift = at >> 3, at & 7
+    first, shift = np.uint64(at >> 3), at & 7
     value = np.uint64(0)
-    for k in range((shift + count + 7) >> 3):
-        value |= np.uint64(row[first + k]) << np.uint64(8 * k)
+    if first + np.uint64(8) <= np.uint64(len(row)):
+        for k in range(8):  # as many as fit, which compiles to one load
+            value |= np.uint64(row[first + np.uint64(k)]) << np.uint64(8 * k)
+    else:
+        for k in range((shift + count + 7) >> 3):
+            value |= np.uint64(row[first + np.uint64(k)]) << np.uint64(8 * k)
     return (value >> np.uint64(shift)) & ((np.uint64(1) << np.uint64(count)) - np.uint64(1))
 
 
 @_jit
-def _unpack(row, at, bits, rotation):
-    """Write a quaternion of the smallest three."""
+def _unpack(row, at, bits, step, rotations, j):
+    """Write a quaternion of the smallest three to rotations [J, 4]."""
     code = word(row, at, 2 + 3 * bits)
-    left_out, mask = int(code & np.uint64(3)), (np.uint64(1) << np.uint64(bits)) - np.uint64(1)
-    step, squares, c = 2 * MOST / ((1 << bits) - 1), 0.0, 0
+    left_out, mask = np.int64(code & np.uint64(3)), (np.uint64(1) << np.uint64(bits)) - np.uint64(1)
+    squares, c = 0.0, 0
     for k in range(3):
         if c == left_out:
             c += 1
-        value = step * int((code >> np.uint64(2 + k * bits)) & mask) - MOST
-        rotation[c] = value
+        value = step * np.int64((code >> np.uint64(2 + k * bits)) & mask) - MOST
+        rotations[j, c] = value
         squares += value * value
         c += 1
-    rotation[left_out] = math.sqrt(max(0.0, 1 - squares))
+    rotations[j, left_out] = math.sqrt(max(0.0, 1 - squares))
 
 
 @_jit
@@ -58,36 +62,40 @@ def row(k, tables, positions, rotations):
     """Write the pose [J] of a stored row, but not its root."""
     joints = len(positions)
     if len(tables.floats):
+        floats = tables.floats[k]
         for j in range(1, joints):
             for c in range(3):
-                positions[j, c] = tables.floats[k, j - 1, c]
+                positions[j, c] = floats[j - 1, c]
             for c in range(4):
-                rotations[j, c] = tables.floats[k, j - 1, 3 + c]
+                rotations[j, c] = floats[j - 1, 3 + c]
         return
     if len(tables.halves):
+        halves = tables.halves[k]
         for j in range(1, joints):
             squares = np.float32(0)
             for c in range(3):
-                positions[j, c] = half(tables.halves[k, j - 1, c])
+                positions[j, c] = half(halves[j - 1, c])
             for c in range(4):
-                rotations[j, c] = half(tables.halves[k, j - 1, 3 + c])
+                rotations[j, c] = half(halves[j - 1, 3 + c])
                 squares += rotations[j, c] * rotations[j, c]
+            whole = np.float32(1 / math.sqrt(squares))
             for c in range(4):
-                rotations[j, c] /= math.sqrt(squares)
+                rotations[j, c] *= whole
         return
+    bones, rest, moving, turning = tables.bones, tables.rest, tables.moving, tables.turning
     for j in range(1, joints):
         for c in range(3):
-            positions[j, c] = tables.bones[j, c]
+            positions[j, c] = bones[j, c]
         for c in range(4):
-            rotations[j, c] = tables.rest[j, c]
-    for m in range(len(tables.moving)):
-        column = tables.moving[m]
-        positions[column // 3, column % 3] = tables.offset[m] + tables.scale[m] * np.float32(
-            tables.translations[k, m]
-        )
-    width = 2 + 3 * tables.bits
-    for m in range(len(tables.turning)):
-        _unpack(tables.packed[k], m * width, tables.bits, rotations[tables.turning[m]])
+            rotations[j, c] = rest[j, c]
+    translations, offset, scale = tables.translations[k], tables.offset, tables.scale
+    for m in range(len(moving)):
+        column = moving[m]
+        positions[column // 3, column % 3] = offset[m] + scale[m] * np.float32(translations[m])
+    packed, bits = tables.packed[k], tables.bits
+    width, step = 2 + 3 * bits, 2 * MOST / ((1 << bits) - 1)
+    for m in range(len(turning)):
+        _unpack(packed, m * width, bits, step, rotations, turning[m])
 
 
 @_jit
@@ -104,8 +112,9 @@ def blend(share, positions, rotations, to_positions, to_rotations):
         for c in range(4):
             rotations[j, c] = stay * rotations[j, c] + signed * to_rotations[j, c]
             squares += rotations[j, c] * rotations[j, c]
+        whole = np.float32(1 / math.sqrt(squares))
         for c in range(4):
-            rotations[j, c] /= math.sqrt(squares)
+            rotations[j, c] *= whole
 
 
 @_jit
