@@ -333,3 +333,13 @@ def _arrays(table: Mapping[str, Any], data: NDArray[np.uint8]) -> dict[str, NDAr
     if reached != len(data):
         raise ValueError("data beyond the last array")
     return arrays
+
+
+def write_together(folder: Path, texts: Mapping[str, str]) -> list[Path]:
+    """Write texts by file name into a folder, all of them or none; the files' paths."""
+    with contextlib.ExitStack() as stack:
+        for name, text in texts.items():
+            stream = stack.enter_context(atomic(folder / name, "w"))
+            stream.write(text)
+            stream.flush()  # a disk that is full leaves all the old files
+    return [folder / name for name in texts]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import math
 from importlib import resources
@@ -43,12 +42,7 @@ def save(thesis: Thesis, folder: Path, *, command: str) -> list[Path]:
         "thesis.json": json.dumps(to_json(thesis, command=command), indent=1, allow_nan=False) + "\n",
         "report.html": html(thesis, command=command),
     }
-    with contextlib.ExitStack() as stack:
-        for name, text in texts.items():
-            stream = stack.enter_context(files.atomic(folder / name, "w"))
-            stream.write(text)
-            stream.flush()  # a disk that is full leaves all the old files
-    return [folder / name for name in texts]
+    return files.write_together(folder, texts)
 
 
 def to_json(thesis: Thesis, *, command: str) -> dict[str, Any]:
