@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
+from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from features.terrain import Ground
@@ -13,9 +14,10 @@ from motion.pose import Poses
 
 from .control import Command, Described
 from .ground_feet import GroundFeet
+from .wrapped import Wrapped
 
 
-class Grounded:
+class Grounded(Wrapped):
     """A controller whose characters' feet are put on a ground; implements `mm.control.Described`.
 
     Parameters
@@ -30,10 +32,8 @@ class Grounded:
     def __init__(
         self, controller: Described, ground: Ground, *, follow: bool = True, compiled: bool = True
     ) -> None:
-        self.controller, self.ground = controller, ground
-        self.name, self.skeleton = controller.name, controller.skeleton
-        self.fps, self.count = controller.fps, controller.count
-        self.description, self.settings = controller.description, controller.settings
+        super().__init__(controller)
+        self.ground = ground
         try:
             legs = self.description.feet(self.settings.foot_height)
         except UserError as error:
@@ -43,18 +43,9 @@ class Grounded:
             self.skeleton, legs, self.fps, self.count, ground=ground, follow=follow, compiled=compiled
         )
         self._shown = Poses.empty(self.count, len(self.skeleton))
-        self.stage_seconds: dict[str, float] = {}
 
-    @property
-    def timed(self) -> bool:
-        return self.controller.timed
-
-    @timed.setter
-    def timed(self, on: bool) -> None:
-        self.controller.timed = on
-
-    def reset(self, positions: NDArray[np.float32], yaws: NDArray[np.float32]) -> None:
-        self.controller.reset(positions, yaws)
+    def reset(self, positions: NDArray, yaws: NDArray) -> None:
+        super().reset(positions, yaws)
         self._feet.reset()
 
     def step(self, command: Command) -> Poses:
@@ -62,27 +53,26 @@ class Grounded:
         start = time.perf_counter()
         self._shown[:] = poses
         self._feet.apply(self.contacts(), self._shown.positions, self._shown.rotations)
-        if self.timed:
-            took = time.perf_counter() - start
-            self.stage_seconds = {**self.controller.stage_seconds, "ground": took}
+        self._book("ground", start)
         return self._shown
-
-    def check_tags(self, required: int, forbidden: int) -> None:
-        self.controller.check_tags(required, forbidden)
 
     def poses(self) -> Poses:
         return self._shown
 
-    def contacts(self) -> NDArray[np.uint8]:
-        return self.controller.contacts()
-
-    def planted(self) -> NDArray[np.uint8]:
-        return self.controller.planted()
-
     def record(self) -> dict[str, NDArray]:
         shown = {"positions": self._shown.positions.copy(), "rotations": self._shown.rotations.copy()}
-        return self.controller.record() | shown
+        return super().record() | shown
 
     def memory(self) -> dict[str, int]:
         poses = sum(array.nbytes for array in self._shown.arrays().values()) // self.count
-        return self.controller.memory() | {"ground": poses}
+        return super().memory() | {"ground": poses}
+
+
+def on_ground(make: Callable[..., Any], ground: Ground | None, *, sees: bool = False) -> Any:
+    """The controller that make gives, put on a ground if there is one.
+
+    sees : make takes it, too (``make(ground=ground)``), and gives poses made for it.
+    """
+    if ground is None:
+        return make()
+    return Grounded(make(ground=ground) if sees else make(), ground, follow=not sees)

@@ -1,15 +1,18 @@
-"""Options of the commands that build a database from clips."""
+"""Options that commands share: how a database is built from clips, and what characters walk on."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from motion import console
 from motion import options as reading
+
+if TYPE_CHECKING:
+    from features.terrain import Heightmap
 
 
 def schema_option(default: str) -> Callable[[Any], Any]:
@@ -80,6 +83,37 @@ def building(command: Callable) -> Callable:
     ):
         command = option(command)
     return command
+
+
+def on_heights(command: Callable) -> Callable:
+    """Decorator: options of a command whose characters walk on a heightmap; `heightmap` takes them."""
+    for option in (
+        click.option(
+            "--heights-spacing",
+            type=console.SIZE,
+            metavar="M",
+            help="Metres from number to number in it.  [default: 0.0394, as published ones have]",
+        ),
+        click.option(
+            "--heights",
+            type=click.Path(),
+            metavar="FILE",
+            help="Walk on this heightmap (`python -m features heightmap`), its middle at 0, 0.",
+        ),
+    ):
+        command = option(command)
+    return command
+
+
+def heightmap(heights: str | None, heights_spacing: float | None) -> Heightmap | None:
+    """The ground that options `on_heights` name, if they do."""
+    from features import terrain
+
+    if heights is None:
+        if heights_spacing is not None:
+            raise click.UsageError("--heights-spacing is that of a heightmap: give --heights FILE too")
+        return None
+    return terrain.load(heights, spacing=heights_spacing or terrain.SPACING)
 
 
 def inputs(options: Mapping[str, Any], sources: Sequence[str] = ()) -> list[str | Path]:

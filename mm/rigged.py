@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 
-import numpy as np
 from numpy.typing import NDArray
 
 from motion.anatomy import Anatomy, anatomy
@@ -15,9 +14,10 @@ from motion.retargeter import Retargeter
 from .control import Command, Described
 from .description import anatomy_of
 from .recording import Recording
+from .wrapped import Wrapped
 
 
-class Rigged:
+class Rigged(Wrapped):
     """A controller that also poses N rigs; implements `mm.control.System`, of the controller's skeleton.
 
     Parameters
@@ -31,10 +31,7 @@ class Rigged:
     """
 
     def __init__(self, controller: Described, target: Anatomy, *, compiled: bool = True) -> None:
-        self.controller = controller
-        self.name, self.skeleton = controller.name, controller.skeleton
-        self.fps, self.count = controller.fps, controller.count
-        self.description, self.settings = controller.description, controller.settings
+        super().__init__(controller)
         self.retargeter = Retargeter(
             _own(controller),
             target,
@@ -45,18 +42,9 @@ class Rigged:
             compiled=compiled,
         )
         self.rigs = Poses.empty(self.count, len(self.retargeter.skeleton))
-        self.stage_seconds: dict[str, float] = {}
 
-    @property
-    def timed(self) -> bool:
-        return self.controller.timed
-
-    @timed.setter
-    def timed(self, on: bool) -> None:
-        self.controller.timed = on
-
-    def reset(self, positions: NDArray[np.float32], yaws: NDArray[np.float32]) -> None:
-        self.controller.reset(positions, yaws)
+    def reset(self, positions: NDArray, yaws: NDArray) -> None:
+        super().reset(positions, yaws)
         self.retargeter.reset()
 
     def step(self, command: Command) -> Poses:
@@ -64,18 +52,16 @@ class Rigged:
         start = time.perf_counter()
         contacts = self.controller.planted() if self.settings.foot_lock else None
         self.rigs = self.retargeter.step(poses, contacts, 1 / self.fps)
-        if self.timed:
-            took = time.perf_counter() - start
-            self.stage_seconds = {**self.controller.stage_seconds, "retargeting": took}
+        self._book("retargeting", start)
         return poses
 
     def record(self) -> dict[str, NDArray]:
         rigs = {"rig_positions": self.rigs.positions.copy(), "rig_rotations": self.rigs.rotations.copy()}
-        return self.controller.record() | rigs
+        return super().record() | rigs
 
     def memory(self) -> dict[str, int]:
         poses = sum(array.nbytes for array in self.rigs.arrays().values()) // self.count
-        return self.controller.memory() | {"rig": poses}
+        return super().memory() | {"rig": poses}
 
     def clip(self, recording: Recording, character: int = 0) -> Clip:
         """One rig's motion in a recording of this system."""

@@ -12,7 +12,10 @@ from motion import console
 from motion.errors import UserError
 from motion.options import AXIS, FORWARD, HAND, ROLES, Length, about, model, rig_axes
 
+from .options import heightmap, on_heights
+
 if TYPE_CHECKING:
+    from features.terrain import Heightmap
     from motion.anatomy import Anatomy
 
     from .control import Described
@@ -78,18 +81,7 @@ _OPTIONS = (
     click.option(
         "--forbid-tag", multiple=True, metavar="NAME", help="Play none with this tag.  [repeatable]"
     ),
-    click.option(
-        "--heights",
-        type=click.Path(),
-        metavar="FILE",
-        help="Walk on this heightmap (`python -m features heightmap`), its middle at 0, 0.",
-    ),
-    click.option(
-        "--heights-spacing",
-        type=console.SIZE,
-        metavar="M",
-        help="Metres from number to number in it.  [default: 0.0394, as published ones have]",
-    ),
+    on_heights,
     click.option(
         "--rig",
         type=click.Path(),
@@ -162,8 +154,6 @@ def perform(
         raise click.UsageError("--rig-unit and --rig-up are about the rig's file: give --rig FILE too")
     if rig is not None and heights is not None:
         raise click.UsageError("rigs stand on level ground: leave out --heights, or --rig")
-    if heights is None and heights_spacing is not None:
-        raise click.UsageError("--heights-spacing is that of a heightmap: give --heights FILE too")
     up, forward, handedness = axes.system(up, forward, handedness)
     convention = axes.Convention(up=up, forward=forward, handedness=handedness)
     inputs = (*given.values(), chosen["settings"], heights, rig, roles)
@@ -172,11 +162,9 @@ def perform(
     if character >= chosen["count"]:
         raise UserError(f"no character {character}", remedy=f"there are {chosen['count']}, counted from 0")
     keep = None if tape else max(character + 1, KEPT)
-    driven = load()
+    ground, driven = heightmap(heights, heights_spacing), load()
     body = None if rig is None else _rig(rig, roles, rig_file)
-    recording, shown = _drive(
-        driven, keep=keep, heights=heights, heights_spacing=heights_spacing, rig=rig, body=body, **chosen
-    )
+    recording, shown = _drive(driven, keep=keep, ground=ground, rig=rig, body=body, **chosen)
     if output:
         clip = recording.clip(character) if shown is None else shown.clip(recording, character)
         moved = convention.clip_to(clip)
@@ -222,8 +210,7 @@ def _rig(file: str, roles: str | None, reading: dict[str, Any]) -> Anatomy:
 def _drive(
     driven: Driven,
     *,
-    heights: str | None,
-    heights_spacing: float | None,
+    ground: Heightmap | None,
     rig: str | None,
     body: Anatomy | None,
     course_name: str,
@@ -238,13 +225,13 @@ def _drive(
     **scaling: Any,
 ) -> tuple[Recording, Rigged | None]:
     from dataclasses import replace
+    from functools import partial
 
-    from features import terrain
     from motion import config
 
     from . import course as library
     from .driver import Driver
-    from .grounded import Grounded
+    from .grounded import on_ground
     from .recording import record
     from .rigged import Rigged
 
@@ -253,12 +240,9 @@ def _drive(
         chosen = replace(chosen, foot_lock=False)
     course = fitted(library.load(course_name), driven.description, **scaling)
     masks = driven.description.tag_mask(require_tag), driven.description.tag_mask(forbid_tag)
-    ground = None if heights is None else terrain.load(heights, spacing=heights_spacing or terrain.SPACING)
-    seen = {"ground": ground} if ground is not None and driven.sees_ground else {}
-    controller = driven.controller(count=count, settings=chosen, obstacles=course.obstacles(), **seen)
+    make = partial(driven.controller, count=count, settings=chosen, obstacles=course.obstacles())
+    controller = on_ground(make, ground, sees=driven.sees_ground)
     controller.check_tags(*masks)
-    if ground is not None:
-        controller = Grounded(controller, ground, follow=not driven.sees_ground)
     driver = Driver(
         course, count, controller.fps, spread=spread, required_tags=masks[0], forbidden_tags=masks[1]
     )
