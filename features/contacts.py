@@ -81,8 +81,21 @@ def points(skeleton: Skeleton, fps: float, positions: Array, rotations: Array, n
         if name.endswith("heel"):
             foot = skeleton.role(f"{name.split('_')[0]}_foot")
             toe = out[:, names.index(name.replace("heel", "toe"))]
-            out[:, c] = _heel(positions[:, foot], rotations[:, foot], toe, fps)
+            ankle, turn = positions[:, foot], rotations[:, foot]
+            speed = sum(np.linalg.norm(kinematics.velocities(place, fps), axis=-1) for place in (ankle, toe))
+            arm = heel(ankle, turn, toe, np.asarray(speed))
+            out[:, c] = ankle + quat.rotate(turn, np.broadcast_to(arm, ankle.shape))
     return out
+
+
+def heel(ankle: Array, rotation: Array, toe: Array, speed: Array) -> Array:
+    """Where a heel lies in its foot [3], the ankle's frame, as low as the toe: seen where the foot lies flat.
+
+    Of an ankle and a toe [T, 3] in the world, the ankle's rotation [T, 4], the sum of both speeds [T], m/s.
+    """
+    flat = speed <= max(SLOW, float(np.percentile(speed, STILLEST)))
+    arm = (toe - ankle)[flat] * np.array([-HEEL_BEHIND, 1.0, -HEEL_BEHIND])
+    return np.median(quat.rotate(quat.inv(rotation[flat]), arm), axis=0)
 
 
 def resting(places: Array, fps: float) -> NDArray[np.uint8]:
@@ -144,15 +157,6 @@ def _tip(skeleton: Skeleton, side: str) -> float:
     """Distance from an ankle to what its foot touches with, metres."""
     (_, points) = touching.touching_points(skeleton, [f"{side}_foot"])
     return float(np.linalg.norm(points[0]))
-
-
-def _heel(ankle: Array, rotation: Array, toe: Array, fps: float) -> Array:
-    """World positions [T, 3] of a heel; how it lies in the foot is seen where the foot lies flat."""
-    speed = sum(np.linalg.norm(kinematics.velocities(place, fps), axis=-1) for place in (ankle, toe))
-    flat = speed <= max(SLOW, np.percentile(speed, STILLEST))
-    arm = (toe - ankle)[flat] * np.array([-HEEL_BEHIND, 1.0, -HEEL_BEHIND])
-    arm = np.median(quat.rotate(quat.inv(rotation[flat]), arm), axis=0)
-    return ankle + quat.rotate(rotation, np.broadcast_to(arm, ankle.shape))
 
 
 def _drop_hovering(resting: NDArray[np.bool_], places: Array, fps: float) -> None:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from features.terrain import Ground
 from motion import kinematics, quat
 
 Array = NDArray[np.floating]
@@ -212,6 +213,33 @@ def longest_stall(
         run = np.where(frame, run + 1, 0)
         longest = max(longest, int(run.max()))
     return longest / fps
+
+
+def over_ground(points: Array, ground: Ground) -> Array:
+    """Points [..., 3] with y above the ground beneath each, as all heights of feet are meant on a ground."""
+    points = np.array(points, np.float64)
+    points[..., 1] -= ground(points[..., 0], points[..., 2])
+    return points
+
+
+def sink(soles: Array, rest: ArrayLike = 0.0) -> Array:
+    """How deep [T, ...] the deepest sole is below where it rests, cm; 0 where none is, NaN without feet.
+
+    soles [T, ..., C, P, 3] are P points of each of C feet, metres, y over the ground (`over_ground`); they
+    rest at heights rest [C, P].
+    """
+    deep = np.asarray(rest) - np.asarray(soles, np.float64)[..., 1]
+    deep = deep.reshape(*deep.shape[:-2], -1)
+    return 100 * np.maximum(deep, 0).max(axis=-1) if deep.size else np.full(deep.shape[:-1], np.nan)
+
+
+def hover(soles: Array, planted: ArrayLike, rest: ArrayLike = 0.0) -> float:
+    """Mean height over its rest of a planted foot's lowest point, cm, nothing where that is lower.
+
+    soles and rest as of `sink`; planted [T, ..., C]: feet that are to be on the ground. NaN where none is.
+    """
+    above = (np.asarray(soles, np.float64)[..., 1] - np.asarray(rest))[np.asarray(planted, bool)]
+    return 100 * mean(np.maximum(above, 0).min(axis=-1)) if len(above) else float("nan")
 
 
 def smooth(values: Array, fps: float, seconds: float = SMOOTHING) -> Array:

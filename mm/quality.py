@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from features.contacts import SHORT, heel
+from features.terrain import Ground, flat
 from motion import contacts, kinematics, quat
 from motion.skeleton import Skeleton
 
@@ -17,16 +19,20 @@ from . import metrics
 Array = NDArray[np.floating]
 
 STRIP_POSES = 14
-SAMPLED_FRAMES = 30_000
+SAMPLED_FRAMES, HEEL_FRAMES = 30_000, 2_000
 
 
 @dataclass(frozen=True, eq=False)
 class Feet:
-    """What touches the ground, left first (`motion.contacts.touching_points`), and how high it rests."""
+    """What touches the ground, left first (`motion.contacts.touching_points`), and how high it rests.
+
+    heels : the same of the heels behind it; what has none, as a paw, is its own heel. None of heels.
+    """
 
     joints: list[int]
     points: Array
     rest: Array
+    heels: Feet | None = None
 
     @staticmethod
     def of(database: Any) -> Feet:
@@ -34,12 +40,40 @@ class Feet:
         joints, points = contacts.touching_points(database.skeleton, database.contact_roles)
         frames = np.linspace(0, len(database) - 1, min(len(database), SAMPLED_FRAMES)).astype(np.int64)
         poses = database.poses[frames]
-        touches = contacts.place_points(
-            *world_transforms(database.skeleton, poses.positions, poses.rotations), joints, points
-        )
+        world = world_transforms(database.skeleton, poses.positions, poses.rotations)
         speed = np.linalg.norm(poses.velocities[:, 0][:, [0, 2]], axis=-1)
-        rest = metrics.resting_heights(touches, database.contacts[frames], speed)
-        return Feet(joints, points, rest)
+
+        def resting(joints: list[int], points: Array) -> tuple[list[int], Array, Array]:
+            touches = contacts.place_points(*world, joints, points)
+            return joints, points, metrics.resting_heights(touches, database.contacts[frames], speed)
+
+        return Feet(*resting(joints, points), Feet(*resting(*_heels(database, joints, points))))
+
+    def place(self, world: Array, turned: Array) -> Array:
+        """World positions [..., C, 3] of what touches, by the joints' world transforms [..., J, ..]."""
+        return contacts.place_points(world, turned, self.joints, self.points)
+
+
+def _heels(database: Any, joints: list[int], points: Array) -> tuple[list[int], Array]:
+    """Joints [C] and points in their frames [C, 3] of the heels behind what touches the ground."""
+    joints, points, skeleton = list(joints), np.array(points), database.skeleton
+    frames = np.unique(np.linspace(0, len(database) - 1, HEEL_FRAMES).astype(np.int64))
+    arrays = database.poses[frames].arrays().values()
+    places, turns, velocities, spins = kinematics.forward_velocities(
+        skeleton, *(np.asarray(array, np.float64) for array in arrays)
+    )
+    fours = any(role.endswith("hand") for role in database.contact_roles)
+    for c, role in enumerate(database.contact_roles):
+        side, part = role.split("_")
+        foot, touching = skeleton.roles.get(f"{side}_foot"), joints[c]
+        if foot is None or not (part == "toe" or (part == "foot" and not fours)):
+            continue
+        arm = quat.rotate(turns[:, touching], points[c])
+        tip, moved = places[:, touching] + arm, velocities[:, touching] + np.cross(spins[:, touching], arm)
+        if np.linalg.norm(tip - places[:, foot], axis=-1).mean() > SHORT:
+            speed = sum(np.linalg.norm(each, axis=-1) for each in (velocities[:, foot], moved))
+            joints[c], points[c] = foot, heel(places[:, foot], turns[:, foot], tip, np.asarray(speed))
+    return joints, points
 
 
 def world_transforms(skeleton: Skeleton, positions: Array, rotations: Array) -> tuple[Array, Array]:
@@ -96,10 +130,12 @@ def judge(
     *,
     system: str = "",
     course: str = "",
+    ground: Ground | None = None,
 ) -> tuple[dict[str, float], Trace]:
     """Metrics and trace of a recording's arrays [T, N, ...] (see `mm.recording`); path [P, 2] or None.
 
-    Without transitions, which not all systems have, the metrics of them are NaN.
+    Without transitions, which not all systems have, the metrics of them are NaN. On a ground heights of feet
+    are those over it, and how feet stand on it is told, too; ways and speeds are those of the plane.
     """
     world, turned = world_transforms(skeleton, arrays["positions"], arrays["rotations"])
     root = world[:, :, 0][..., [0, 2]]
@@ -107,16 +143,13 @@ def judge(
     asked = np.asarray(arrays["command_velocity"], np.float64)
     jumps = arrays.get("transition")
     transition = np.zeros(world.shape[:2], bool) if jumps is None else np.asarray(jumps, bool)
-    standing = contacts.place_points(world, turned, feet.joints, feet.points)
+    stood, standing = _of_feet(feet, world, turned, fps, arrays.get("contacts"), ground)
     local = in_root_space(skeleton, arrays["positions"], arrays["rotations"])
     pops = metrics.pops(local)
     errors = metrics.trajectory_error(root, yaws, arrays["command_yaw"], path)
     response = metrics.responsiveness(asked, arrays["command_yaw"], root, yaws, fps)
     row = {
-        "skate_cm_s": metrics.foot_skate(standing, fps, feet.rest),
-        "skate_ratio": metrics.skate_ratio(standing, fps, feet.rest),
-        "glide_share": metrics.glide_share(standing, root, fps),
-        "airborne_share": metrics.airborne_share(standing, feet.rest),
+        **stood,
         "path_cm": errors.mean_cm,
         "path_p95_cm": errors.p95_cm,
         "path_max_cm": errors.max_cm,
@@ -157,8 +190,38 @@ def judge(
     return row, trace
 
 
-def of_data(database: Any, feet: Feet) -> dict[str, float]:
+def _of_feet(
+    feet: Feet, world: Array, turned: Array, fps: float, planted: NDArray | None, ground: Ground | None
+) -> tuple[dict[str, float], Array]:
+    """Metrics of feet by world transforms [T, ..., J, ..], and what touches [T, ..., C, 3], over the ground.
+
+    planted [T, ..., C] are the feet that are to be on the ground, if that is known.
+    """
+    standing, root = feet.place(world, turned), world[..., 0, [0, 2]]
+    if ground is not None:
+        standing = metrics.over_ground(standing, ground)
+    row = {
+        "skate_cm_s": metrics.foot_skate(standing, fps, feet.rest),
+        "skate_ratio": metrics.skate_ratio(standing, fps, feet.rest),
+        "glide_share": metrics.glide_share(standing, root, fps),
+        "airborne_share": metrics.airborne_share(standing, feet.rest),
+    }
+    if ground is not None and feet.heels is not None:
+        heels = metrics.over_ground(feet.heels.place(world, turned), ground)
+        soles, rest = np.stack([standing, heels], axis=-2), np.stack([feet.rest, feet.heels.rest], axis=-1)
+        sunk = metrics.sink(soles, rest)
+        row |= {
+            "sink_cm": metrics.mean(sunk),
+            "sink_p99_cm": float(np.percentile(sunk, 99)),
+            "hover_cm": float("nan") if planted is None else metrics.hover(soles, planted, rest),
+        }
+    return row, standing
+
+
+def of_data(database: Any, feet: Feet, *, on_ground: bool = False) -> dict[str, float]:
     """The same metrics, where they mean something, of the database's own clips: the yardstick.
+
+    on_ground : with how feet stand on a ground, which is the level one that they were captured on.
 
     Up to 30,000 frames, whole ranges, spread over the database; metrics are weighted by length.
     """
@@ -170,14 +233,12 @@ def of_data(database: Any, feet: Feet) -> dict[str, float]:
             continue
         poses = database.poses[start:stop]
         world, turned = world_transforms(database.skeleton, poses.positions, poses.rotations)
-        standing = contacts.place_points(world, turned, feet.joints, feet.points)
+        planted, ground = database.contacts[start:stop], flat if on_ground else None
+        stood, _ = _of_feet(feet, world, turned, database.fps, planted, ground)
         local = in_root_space(database.skeleton, poses.positions, poses.rotations)
         rows.append(
             {
-                "skate_cm_s": metrics.foot_skate(standing, database.fps, feet.rest),
-                "skate_ratio": metrics.skate_ratio(standing, database.fps, feet.rest),
-                "glide_share": metrics.glide_share(standing, world[:, 0][:, [0, 2]], database.fps),
-                "airborne_share": metrics.airborne_share(standing, feet.rest),
+                **stood,
                 "jerk_m_s3": metrics.jerk(world, database.fps),
                 "ordinary_pop_cm": float(np.percentile(metrics.pops(local)[2:], 99)),
                 "speed_mps": float(metrics.root_speed(world[:, 0][:, [0, 2]], database.fps).mean()),
@@ -186,4 +247,12 @@ def of_data(database: Any, feet: Feet) -> dict[str, float]:
         weights.append(stop - start)
     if not rows:
         return {}
-    return {key: float(np.average([row[key] for row in rows], weights=weights)) for key in rows[0]}
+    return {key: _average([row[key] for row in rows], weights) for key in rows[0]}
+
+
+def _average(values: list[float], weights: list[int]) -> float:
+    """Weighted mean of those that are numbers; NaN where none is."""
+    known = np.isfinite(values)
+    if not known.any():
+        return float("nan")
+    return float(np.average(np.array(values)[known], weights=np.array(weights)[known]))

@@ -127,6 +127,36 @@ def test_glide_is_travel_without_a_foot_going_back():
     assert metrics.glide_share(carried, 0 * root, FPS) == 0  # standing still is no glide
 
 
+def test_heights_over_a_ground_are_those_above_what_is_beneath():
+    points = np.array([[2.0, 1.0, 3.0], [-1.0, 0.0, 0.5]])
+    over = metrics.over_ground(points, lambda x, z: 0.1 * x + z)
+    np.testing.assert_allclose(over, [[2.0, 1.0 - 3.2, 3.0], [-1.0, -0.4, 0.5]])
+    assert points[0, 1] == 1.0
+
+
+# A frame of two feet, heights of toe and heel; they rest at 2 and 3 cm.
+SOLES = 0.01 * np.array([[[2.0, 3.0], [2.0, 3.0]], [[0.5, 3.0], [-1.0, 2.0]], [[5.0, 8.0], [9.0, 3.0]]])
+RESTS = 0.01 * np.array([[2.0, 3.0], [2.0, 3.0]])
+
+
+def soles(heights: np.ndarray) -> np.ndarray:
+    return np.stack([7 + 0 * heights, heights, heights - 5], axis=-1)
+
+
+def test_a_frame_sinks_as_deep_as_its_deepest_sole():
+    np.testing.assert_allclose(metrics.sink(soles(SOLES), RESTS), [0, 3, 0], atol=1e-12)
+    two = np.stack([SOLES, SOLES - 0.01], axis=1)  # a second character stands 1 cm lower
+    np.testing.assert_allclose(metrics.sink(soles(two), RESTS), [[0, 1], [3, 4], [0, 1]], atol=1e-12)
+    assert np.isnan(metrics.sink(np.zeros((3, 0, 2, 3)))).all()
+
+
+def test_a_planted_foot_hovers_by_its_lowest_point():
+    # Planted and above rest: frame 0 not at all; frame 2 the left one by 3 (its toe), the right by 0 (heel).
+    assert metrics.hover(soles(SOLES), [[1, 1], [0, 0], [1, 1]], RESTS) == pytest.approx((0 + 0 + 3 + 0) / 4)
+    assert metrics.hover(soles(SOLES), [[0, 0], [1, 1], [1, 0]], RESTS) == pytest.approx((0 + 0 + 3) / 3)
+    assert np.isnan(metrics.hover(soles(SOLES), np.zeros((3, 2)), RESTS))
+
+
 def test_smooth_is_a_centred_average():
     values = np.zeros(21)
     values[10] = 1
