@@ -131,6 +131,9 @@ class GuessedFrames:
         found_costs[lost] = np.inf
         return candidates, found_costs, found_costs < bound
 
+    def retune(self, settings: Settings, fps: float) -> None:
+        self._radius = round(settings.ignore_radius * fps)
+
     def possible(self, required_tags: int, forbidden_tags: int) -> bool:
         return self._projector.possible(required_tags, forbidden_tags)
 
@@ -157,6 +160,9 @@ class SearchedLatents:
         candidates.put(lost, state.take(lost))
         return candidates, found_costs, any_found
 
+    def retune(self, settings: Settings, fps: float) -> None:
+        self._search.retune(settings, fps)
+
     def possible(self, required_tags: int, forbidden_tags: int) -> bool:
         return self._search.possible(required_tags, forbidden_tags)
 
@@ -180,17 +186,27 @@ class DecompressedFrames:
 class LookedUpPoses:
     """Poses of learned states from the database: of frames that play on while they are near to the states.
 
-    At every interval (in frames), and where a range ends, the nearest frame is looked up, and with the next
-    step taken where its squared distance is below share of that of the frame that plays. With the interval
-    and the bias of motion matching's own searches poses are as smooth as its; by the frame that is nearest
-    in each frame they would change 30 to 60 times a second, between frames that are hardly nearer.
+    At every search interval, and where a range ends, the nearest frame is looked up, and with the next step
+    taken where its squared distance is below that of the frame that plays by the continuing bias. With both
+    as motion matching's own searches have them poses are as smooth as its; by the frame that is nearest in
+    each frame they would change 30 to 60 times a second, between frames that are hardly nearer.
     """
 
     def __init__(
-        self, gathering: GatherDecompression, rows: Rows, nearest: Nearest, *, interval: int, share: float
+        self,
+        gathering: GatherDecompression,
+        rows: Rows,
+        nearest: Nearest,
+        *,
+        settings: Settings,
+        fps: float,
     ) -> None:
         self._gather, self._rows, self._nearest = gathering, rows, nearest
-        self._interval, self._share = interval, np.float32(share)
+        self.retune(settings, fps)
+
+    def retune(self, settings: Settings, fps: float) -> None:
+        self._interval = max(1, round(settings.search_interval * fps))
+        self._share = np.float32(1 - settings.continuing_bias)
 
     def decompress(self, state: LatentState, poses: Poses, contacts: NDArray[np.uint8]) -> None:
         unknown = np.flatnonzero(state.near < 0)
@@ -319,8 +335,5 @@ def _mixed(
     else:
         decompression = gathering = GatherDecompression(database, gather=gather)
         if down and rows is not None and nearest is not None:
-            interval = max(1, round(settings.search_interval * database.fps))
-            decompression = LookedUpPoses(
-                gathering, rows, nearest, interval=interval, share=1 - settings.continuing_bias
-            )
+            decompression = LookedUpPoses(gathering, rows, nearest, settings=settings, fps=database.fps)
     return Stages(projection, stepping, decompression)

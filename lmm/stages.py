@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from features import normalise
+from mm.settings import Settings
 from motion.errors import UserError
 from motion.pose import Poses
 
@@ -77,6 +78,9 @@ class LatentState:
 
     def frames(self) -> NDArray[np.int32]:
         return np.full(len(self), -1, np.int32)
+
+    def origins(self) -> NDArray[np.int32]:
+        return self.near
 
     def tags(self) -> NDArray[np.uint32]:
         return self.asked
@@ -146,6 +150,9 @@ class ProjectorProjection:
     def _apart(self, a: NDArray[np.float32], b: NDArray[np.float32]) -> NDArray[np.floating]:
         """How far states [M, F + L] lie from others: root mean square over columns, in deviations."""
         return np.sqrt((((a - b) * self._scale) ** 2).mean(axis=1))
+
+    def retune(self, settings: Settings, fps: float) -> None:
+        self._radius = round(settings.ignore_radius * fps)
 
     def possible(self, required_tags: int, forbidden_tags: int) -> bool:
         return not (required_tags | forbidden_tags) & ~int(self._crouch) and not (

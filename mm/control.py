@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,4 +106,23 @@ class Described(System, Protocol):
 
     def planted(self) -> NDArray[np.uint8]:
         """Which feet the last step held on the ground [N, C]; valid until the next one."""
+        ...
+
+
+@runtime_checkable
+class Resumable(System, Protocol):
+    """A system that can go back to where it was, and go on by other settings: the controllers themselves."""
+
+    settings: Any
+
+    def remember(self) -> Any:
+        """The characters as they are: a copy, for `recall`."""
+        ...
+
+    def recall(self, remembered: Any) -> None:
+        """Be again where this system, or one that was made alike, was."""
+        ...
+
+    def retune(self, settings: Any) -> None:
+        """Go on by other settings from the next step on; those that cannot change are a UserError."""
         ...

@@ -77,7 +77,6 @@ class Controller:
         self.skeleton, self.fps = description.skeleton, description.fps
         self._kernels = kernels if compiled else kernels_numpy
         self._lock_feet = (foot_lock if compiled else foot_lock_numpy).lock_feet
-        self._settings = settings_types.record(settings, self.fps)
         self._obstacles = np.asarray(obstacles, np.float32).reshape(-1, 5)
         if three_stages is None:
             if self.database is None:
@@ -105,7 +104,6 @@ class Controller:
         self._past_frames = -layout.times[past] * self.fps
         self._present_slots = np.flatnonzero(layout.times == 0)
         self._normalisation = (stages.plain(description.offset), stages.plain(description.scale))
-        self._legs = description.feet(settings.foot_height) if settings.foot_lock else None
         self._parents = stages.plain(self.skeleton.parents)
 
         self._crouch_tag = np.uint32(description.crouch_tag)
@@ -127,14 +125,36 @@ class Controller:
         self._head = 0
         self._queries = np.zeros((count, schema.size), np.float32)
         self._played = self._queries.copy()
-        self._candidates = np.full(count, -1, np.int32)
+        self._sources, self._candidates = np.full((2, count), -1, np.int32)
         self._cost_current = np.full(count, np.nan, np.float32)
         self._cost_candidate = np.full(count, np.nan, np.float32)
         self._moved = np.zeros(count, np.bool_)
+        self._take_settings(settings)
         self.timed = False
         self._lap_start = 0.0
         self.stage_seconds = dict.fromkeys(STAGES, 0.0)
         self.reset(np.zeros((count, 2), np.float32), np.zeros(count, np.float32))
+
+    def _take_settings(self, settings: Settings) -> None:
+        # The legs first: a skeleton that lacks them leaves all as it was.
+        self._legs = self.description.feet(settings.foot_height) if settings.foot_lock else None
+        self.settings, self._settings = settings, settings_types.record(settings, self.fps)
+
+    def retune(self, settings: Settings) -> None:
+        """Go on by other settings from the next step on.
+
+        ignore_end must stay, since a search index is built with it: another one is a UserError.
+        """
+        if settings.ignore_end != self.settings.ignore_end:
+            remedy = "make another controller, and let it recall what this one remembers"
+            raise UserError("ignore_end cannot change while characters are driven", remedy=remedy)
+        unlocked = self._legs is None
+        self._take_settings(settings)
+        if unlocked:
+            self._release_feet()
+        for stage in (self.stages.projection, self.stages.stepping, self.stages.decompression):
+            if isinstance(stage, stages.Tuned):
+                stage.retune(settings, self.fps)
 
     def reset(self, positions: ArrayLike, yaws: ArrayLike) -> None:
         """Put the characters at positions [N, 2] (x, z), facing yaws [N], at rest."""
@@ -146,8 +166,7 @@ class Controller:
         for name in ("root", "data_root"):
             self.characters[name][:, :2] = positions
             self.characters[name][:, 2] = springs.wrap(yaws)
-        self._feet[:] = np.zeros((), foot_lock.FOOT)
-        self._feet["target"] = np.nan
+        self._release_feet()
         self._offsets[:] = 0
         self._history[:] = self.characters["root"][:, None]
         self.state = self.stages.stepping.start(self.count)
@@ -160,8 +179,12 @@ class Controller:
         self._write_root()
         np.copyto(self._rotations, self._shown.rotations)
         self._moved[:] = False
-        self._candidates[:] = -1
+        self._sources[:] = self._candidates[:] = -1
         self._cost_current[:] = self._cost_candidate[:] = np.nan
+
+    def _release_feet(self) -> None:
+        self._feet[:] = np.zeros((), foot_lock.FOOT)
+        self._feet["target"] = np.nan
 
     def _standing(self) -> stages.State:
         """The state [1] of a character at rest: what projection finds, and finds again, for going nowhere."""
@@ -260,6 +283,7 @@ class Controller:
         barred = _lack(state.tags(), required, forbidden)
         current[ended[who] | barred] = np.inf
         bound = current * np.float32(1 - self.settings.continuing_bias)
+        self._sources[who] = state.origins()
         self._lap("query")
         candidates, costs, found = self.stages.projection.project(queries, state, bound, required, forbidden)
         if not found.all():
@@ -383,6 +407,9 @@ class Controller:
             "forced": c["forced"].copy(),
             "transition": self._moved.copy(),
             "query": self._queries.copy(),
+            "required_tags": c["required_tags"].copy(),
+            "forbidden_tags": c["forbidden_tags"].copy(),
+            "source": self._sources.copy(),
             "candidate": self._candidates.copy(),
             "cost_current": self._cost_current.copy(),
             "cost_candidate": self._cost_candidate.copy(),
@@ -390,21 +417,36 @@ class Controller:
             "trajectory": self._trajectory.copy(),
         }
 
+    def _held(self) -> tuple[NDArray, ...]:
+        """All arrays that are held of the characters from frame to frame, apart from their states."""
+        return (
+            self.characters, self._required, self._forbidden, self._feet, self._offsets, self._contacts,
+            self._planted, self._trajectory, self._history, self._queries, self._played, self._sources,
+            self._candidates, self._cost_current, self._cost_candidate, self._moved,
+            *self._playing.arrays().values(), *self._shown.arrays().values(), self._rotations,
+        )  # fmt: skip
+
+    def remember(self) -> tuple[Any, ...]:
+        """The characters as they are, for `recall`: a copy."""
+        held = tuple(array.copy() for array in self._held())
+        return held, self.state.take(np.arange(self.count)), self._head
+
+    def recall(self, remembered: tuple[Any, ...]) -> None:
+        """Be again where this controller, or one with other settings on the same data, was."""
+        held, state, self._head = remembered
+        for array, its in zip(self._held(), held, strict=True):
+            array[:] = its
+        self.state.put(np.arange(self.count), state)
+
     def memory(self) -> dict[str, int]:
         """Bytes by part: what the stages hold, statistics of features, and all that is held of one character
         from frame to frame, its state."""
-        held = (
-            self.characters, self._required, self._forbidden, self._feet, self._offsets, self._contacts,
-            self._planted, self._trajectory, self._history, self._queries, self._played, self._candidates,
-            self._cost_current, self._cost_candidate, self._moved,
-            *self._playing.arrays().values(), *self._shown.arrays().values(), self._rotations,
-        )  # fmt: skip
         parts: dict[str, int] = {}
         for stage in (self.stages.projection, self.stages.stepping, self.stages.decompression):
             parts |= stage.memory()
         return parts | {
             "statistics": sum(array.nbytes for array in self._normalisation),
-            "state": (sum(array.nbytes for array in held) + self.state.nbytes) // self.count,
+            "state": (sum(array.nbytes for array in self._held()) + self.state.nbytes) // self.count,
         }
 
 

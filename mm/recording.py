@@ -53,6 +53,8 @@ class Recording:
         frame [T, N] the database's frame that plays, -1 where there is none
         searched, forced, transition [T, N]: a search was made, an abrupt command forced it, it made a jump
         query [T, N, F] normalised, of the last search; candidate [T, N] its best frame, -1 for none
+        source [T, N] the frame around which that search left frames out, -1 for none
+        required_tags, forbidden_tags [T, N] of what was asked, crouching among them
         cost_current, cost_candidate [T, N] of playing on and of the candidate, at the last search
         feature_costs [T, N, features of the schema] of the playing frame for the query
         trajectory [T, N, K, 3] predicted x, z, yaw in the world at the schema's times
@@ -254,13 +256,7 @@ class Recorder:
             raise ValueError(f"more steps than the {self._frames} that this recorder was made for")
         system = self._system
         stages = getattr(system, "stage_seconds", {}) if getattr(system, "timed", False) else {}
-        done = {
-            "command_velocity": command.velocity,
-            "command_yaw": command.yaw,
-            "positions": poses.positions,
-            "rotations": poses.rotations,
-        } | system.record()
-        done = {name: array[: self._characters] for name, array in done.items()}
+        done = {name: array[: self._characters] for name, array in step(system, command, poses).items()}
         if self._frame == 0:
             # Memory that is never written is never used: time that is not needed costs nothing.
             self._arrays = {n: np.empty((self._length, *a.shape), a.dtype) for n, a in done.items()}
@@ -282,21 +278,38 @@ class Recorder:
         """The recording; course and path are what the system was driven over, where it was."""
         if not self._frame:
             raise ValueError("nothing was recorded: take a step first")
-        system, rows = self._system, slice(-(-self._frame // self._every))
+        rows = slice(-(-self._frame // self._every))
         return Recording(
-            system=system.name,
-            skeleton=system.skeleton,
-            fps=system.fps / self._every,
+            fps=self._system.fps / self._every,
             arrays={name: array[rows] for name, array in self._arrays.items()},
             course=course,
             path=path,
-            settings=_plain(getattr(system, "settings", None)),
-            schema=_schema(system),
-            database=getattr(getattr(system, "description", None), "fingerprint", ""),
             step_seconds=self._seconds[rows],
             stages=self._stages,
             stage_seconds=self._stage_seconds[rows],
+            **about(self._system),
         )
+
+
+def step(system: System, command: Command, poses: Poses) -> dict[str, NDArray]:
+    """What a step was asked, the poses it made, and what the system tells of it, arrays [N, ...] by name."""
+    return {
+        "command_velocity": command.velocity,
+        "command_yaw": command.yaw,
+        "positions": poses.positions,
+        "rotations": poses.rotations,
+    } | system.record()
+
+
+def about(system: System) -> dict[str, Any]:
+    """What a recording says of its system: arguments of `Recording`."""
+    return {
+        "system": system.name,
+        "skeleton": system.skeleton,
+        "settings": _plain(getattr(system, "settings", None)),
+        "schema": _schema(system),
+        "database": getattr(getattr(system, "description", None), "fingerprint", ""),
+    }
 
 
 def _plain(settings: Any) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol, Self
+from typing import Any, Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from motion.pose import Poses
 
 from . import kernels, search
 from .database import Database
+from .settings import Settings
 
 NOBODY = np.zeros(0, np.int64)
 
@@ -64,6 +65,10 @@ class State(Protocol):
 
     def frames(self) -> NDArray[np.int32]:
         """Database frames [N], -1 where the state is not one."""
+        ...
+
+    def origins(self) -> NDArray[np.int32]:
+        """Database frames [N] around which a search leaves frames out, -1 for none."""
         ...
 
     def tags(self) -> NDArray[np.uint32]:
@@ -134,6 +139,15 @@ class Decompression(Protocol):
     def memory(self) -> dict[str, int]: ...
 
 
+@runtime_checkable
+class Tuned(Protocol):
+    """A stage that settings say something to."""
+
+    def retune(self, settings: Settings, fps: float) -> None:
+        """Go on by other settings, at fps steps a second."""
+        ...
+
+
 @dataclass(eq=False)
 class Stages:
     """Any three stages whose states agree."""
@@ -184,6 +198,9 @@ class FrameState:
     def frames(self) -> NDArray[np.int32]:
         return self.index
 
+    def origins(self) -> NDArray[np.int32]:
+        return self.index
+
     def tags(self) -> NDArray[np.uint32]:
         return self.data.tags[self.index]
 
@@ -221,6 +238,9 @@ class SearchProjection:
         # Where nothing was found the state stays what it is.
         index = np.where(found, frames[:, 0], state.frames()).astype(np.int32)
         return FrameState(index, state.data), costs[:, 0], found
+
+    def retune(self, settings: Settings, fps: float) -> None:
+        self.ignore_radius = round(settings.ignore_radius * fps)
 
     def possible(self, required_tags: int, forbidden_tags: int) -> bool:
         required, forbidden = np.uint32(required_tags), np.uint32(forbidden_tags)

@@ -68,18 +68,11 @@ class LocomotionController:
         self.description, self.count, self.network = model.description, count, network
         self._model, self._steps = model, kernels
         description, layout = model.description, model.layout
-        self.settings = settings = settings or LocomotionSettings()
         self.skeleton, self.fps = description.skeleton, description.fps
         self.name = name
         self._ground = None if ground is flat else ground
         self._lock_feet = (foot_lock if compiled else foot_lock_numpy).lock_feet
-        self._settings = settings_types.record(
-            settings, self.fps, walk_mps=description.walk_mps, run_mps=description.run_mps
-        )
         spacing = trajectory.interval(self.fps)
-        # What the kernels blend what is asked by.
-        self._blend: tuple[NDArray, ...]
-        self._blend = trajectory.blend(spacing, settings.position_bias, settings.direction_bias)
         self._obstacles = np.asarray(obstacles, np.float32).reshape(-1, 5)
         self._into, self._out = (
             np.array([blocks[block].start for block in wanted], np.int64)
@@ -94,15 +87,7 @@ class LocomotionController:
         if missing:
             raise UserError(f"the network tells nothing of the contact {missing[0]!r}")
         self._contact_columns = np.array([model.contacts.index(role) for role in told], np.int64)
-        self._legs = description.feet(settings.foot_height) if settings.foot_lock and told else None
-        self._lock_settings = mm_settings.record(
-            mm_settings.Settings(foot_halflife=settings.foot_halflife, unlock_radius=settings.unlock_radius),
-            self.fps,
-        )
-        if self._legs is not None:
-            self._lock_heights = self._legs.heights.copy()
-            if self._ground is not None:
-                self._lock_heights[:] = -ANY_HEIGHT, ANY_HEIGHT
+        self._take_settings(settings or LocomotionSettings())
 
         self.characters = np.zeros(count, character)
         self._past = trajectory.ring(count, spacing, past)
@@ -125,6 +110,36 @@ class LocomotionController:
         self.stage_seconds = dict.fromkeys(STAGES, 0.0)
         # What the network is given of its own frame before, by character.
         self._fed: tuple[NDArray, ...] = (self._joints, self._velocities)
+
+    def _take_settings(self, settings: LocomotionSettings) -> None:
+        description = self.description
+        # The legs first: a skeleton that lacks them leaves all as it was.
+        locks = settings.foot_lock and bool(self._model.contacts)
+        self._legs = description.feet(settings.foot_height) if locks else None
+        if self._legs is not None:
+            self._lock_heights = self._legs.heights.copy()
+            if self._ground is not None:
+                self._lock_heights[:] = -ANY_HEIGHT, ANY_HEIGHT
+        self.settings = settings
+        self._settings = settings_types.record(
+            settings, self.fps, walk_mps=description.walk_mps, run_mps=description.run_mps
+        )
+        self._lock_settings = mm_settings.record(
+            mm_settings.Settings(foot_halflife=settings.foot_halflife, unlock_radius=settings.unlock_radius),
+            self.fps,
+        )
+        # What the kernels blend what is asked by.
+        self._blend: tuple[NDArray, ...] = self._blends(trajectory.interval(self.fps))
+
+    def _blends(self, spacing: int) -> tuple[NDArray, ...]:
+        return trajectory.blend(spacing, self.settings.position_bias, self.settings.direction_bias)
+
+    def retune(self, settings: LocomotionSettings) -> None:
+        """Go on by other settings from the next step on."""
+        unlocked = self._legs is None
+        self._take_settings(settings)
+        if unlocked:
+            self._release_feet(slice(None))
 
     def _start(self) -> None:
         """Find out how a character rests, and put all there."""
@@ -198,6 +213,9 @@ class LocomotionController:
         past[:] = 0
         past[:, :, :2] = characters["root"][:, None, :2]
         past[:, :, 2], past[:, :, 3] = np.sin(yaws)[:, None], np.cos(yaws)[:, None]
+        self._release_feet(who)
+
+    def _release_feet(self, who: slice) -> None:
         self._feet[who] = np.zeros((), foot_lock.FOOT)
         self._feet["target"][who] = np.nan
 
@@ -294,6 +312,19 @@ class LocomotionController:
 
     def memory(self) -> dict[str, int]:
         """Bytes by part: weights, their padding and statistics, the state of one character."""
+        return self.network.memory() | {"state": sum(array.nbytes for array in self._held()) // self.count}
+
+    def _held(self) -> tuple[NDArray, ...]:
+        """All arrays that are held of the characters from frame to frame."""
         state = self.characters, self._past, *self._fed, self._x, self._points
-        more = self._contacts, self._feet, self._rotations, *self._shown.arrays().values()
-        return self.network.memory() | {"state": sum(array.nbytes for array in (*state, *more)) // self.count}
+        return *state, self._contacts, self._feet, self._rotations, *self._shown.arrays().values()
+
+    def remember(self) -> tuple[Any, ...]:
+        """The characters as they are, for `recall`: a copy."""
+        return tuple(array.copy() for array in self._held()), self._head, self._command
+
+    def recall(self, remembered: tuple[Any, ...]) -> None:
+        """Be again where this controller, or one with other settings of the same network, was."""
+        held, self._head, self._command = remembered
+        for array, its in zip(self._held(), held, strict=True):
+            array[:] = its

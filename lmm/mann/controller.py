@@ -72,11 +72,12 @@ class MannController(LocomotionController):
             compiled=compiled,
             name=name or f"mann-{model.network.experts}",
         )
-        spacing = trajectory.interval(self.fps)
-        self._blend = (*self._blend, trajectory.blend(spacing, 0, self.settings.position_bias)[1])
         self._axes = np.zeros((count, model.layout.joints, 6), np.float32)
         self._fed = (*self._fed, self._axes)
         self._start()
+
+    def _blends(self, spacing: int) -> tuple[NDArray, ...]:
+        return *super()._blends(spacing), trajectory.blend(spacing, 0, self.settings.position_bias)[1]
 
     def _begin(self, mean: Any) -> None:
         super()._begin(mean)
