@@ -58,6 +58,15 @@ class Listed(click.ParamType):
         return found
 
 
+CODECS = click.option(
+    "--codecs",
+    type=Listed(),
+    default=(),
+    metavar="A,B",
+    help="Compressed databases, too: codecs as `mm compress` names them, chained by +, or files it wrote.",
+)
+
+
 @main.command(
     epilog="Example: python -m bench compare clips/ --courses thesis,circle --indexes exact -o report"
 )
@@ -70,6 +79,7 @@ class Listed(click.ParamType):
     "--indexes", type=Listed(), metavar="A,B", help="Search indexes of motion matching.  [default: all]"
 )
 @MODELS
+@CODECS
 @click.option(
     "--seconds", type=console.SECONDS, default=40.0, show_default=True, help="Of each course, at most."
 )
@@ -88,6 +98,7 @@ def compare(
     systems: tuple[str, ...] | None,
     indexes: tuple[str, ...] | None,
     models: tuple[str, ...],
+    codecs: tuple[str, ...],
     seconds: float,
     seed: int | None,
     scale: bool,
@@ -105,8 +116,12 @@ def compare(
     projection, stepping and decompression, lmm-D the decompressor alone; lmm-D-free, by that name, does not
     hold the feet. A phase-functioned network runs as pfnn-cubic, pfnn-linear and pfnn-constant, a
     mode-adaptive one as mann-4, by its experts. lmm-PSD-bf16 and the like, by that name, multiply bfloat16
-    numbers as crowds may (`bench crowd`), where the processor can. Every system's poses are then held against
-    those of the data, and those of mm-exact (or mm-exact-free, where only such run) under the same commands.
+    numbers as crowds may (`bench crowd`), where the processor can; -fp32, -fp16, -int8 hold weights as such.
+
+    Compressed databases run as mm-exact-quantised-11 and the like, by name, by pattern or with --codecs; with
+    features of 8 bits as mm-coded-CODEC, too. With such systems or models every system's poses are held
+    against those of the data, and those of mm-exact (or mm-exact-free, where only such run) under the same
+    commands.
     """
     from mm import course as known_courses
 
@@ -116,10 +131,10 @@ def compare(
 
     folder = None if output is None else Path(output)
     if folder is not None:
-        _check_folder(folder, (*sources, *models), chosen)
+        _check_folder(folder, (*sources, *models, *codecs), chosen)
     # Faults in what was asked for come before the work, not after it.
     learned = registry.load_models(models) if models else {}
-    registry.choose(systems, indexes=indexes, models=learned)
+    registry.choose(systems, indexes=indexes, models=learned, codecs=codecs)
     loaded = [known_courses.load(name) for name in courses or comparing.COURSES]
     database, name = open_database(sources, folder and folder / "database.mmdb", chosen)
     _check_models(learned, models, database)
@@ -129,6 +144,7 @@ def compare(
         systems=systems,
         indexes=indexes,
         models=learned,
+        codecs=codecs,
         seconds=seconds,
         seed=seed,
         scale=scale,

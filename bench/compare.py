@@ -25,7 +25,9 @@ from motion import console
 from motion.errors import UserError
 
 from . import timing
-from .systems import Entry, called, choose, without_legs
+from .entry import Entry, as_stored, called
+from .pose_error import PoseErrors, held_by_all
+from .systems import choose, without_legs
 
 if TYPE_CHECKING:
     from lmm.models import AnyModel
@@ -72,6 +74,7 @@ def compare(
     systems: Sequence[str | Entry] | None = None,
     indexes: Sequence[str] | None = None,
     models: Mapping[str, AnyModel] | None = None,
+    codecs: Sequence[str] = (),
     seconds: float = SECONDS,
     timed_seconds: float = TIMED_SECONDS,
     seed: int | None = None,
@@ -92,8 +95,9 @@ def compare(
         this database cannot have are left out with a note, unless none is left. Where legs are not whole
         those run that do not hold the feet; others, by name, are a UserError.
     indexes : search indexes of motion matching; all when None.
-    models : trained ones by name (see `bench.systems.learned`); with them every system's poses are held
-        against those of motion matching and of the data (see `_Yardstick`).
+    models : trained ones by name (see `bench.learned`). codecs : those of databases (see `bench.small`).
+        With either every system's poses are held against those of motion matching and of the data (see
+        `_Yardstick`), and what its Decompression makes of frames against these (`bench.pose_error`).
     timed_seconds : how much of each course the clock runs; the metrics are those of all of it.
     seed : of courses with a random user; their own when None.
     scale : bring the courses' speeds to those of the data.
@@ -106,11 +110,12 @@ def compare(
     walk, run = speeds.of_database(database)
     played = [_prepared(c, walk, run, seed, scale) for c in courses]
     why, notes = without_legs(database), []
-    chosen = _chosen(systems, indexes, models, legs=why is None)
+    chosen = _chosen(systems, indexes, models, codecs, legs=why is None)
+    inexact = any(entry.decoder is not as_stored for entry in chosen) or bool(models)
     if why is not None:
         if any(entry.locked for entry in chosen):
             raise why
-        against = ", held against mm-exact-free" if models else ""
+        against = ", held against mm-exact-free" if inexact else ""
         notes.append(f"only systems that do not hold the feet run{against}: {why.what}")
     if scale and walk > 0:
         notes.append(
@@ -120,7 +125,8 @@ def compare(
     feet = quality.Feet.of(database)
     rows, traces = [], []
     costs: dict[str, list[timing.Cost]] = {}
-    yardstick = _Yardstick(database, legs=why is None) if models else None
+    yardstick = _Yardstick(database, legs=why is None) if inexact else None
+    errors = PoseErrors(database, held_by_all(model.held_out for model in (models or {}).values()))
     runs = [_Runs(course, feet, seconds, yardstick) for course in played]
     jobs = [(entry, on_course) for entry in chosen for on_course in runs]
     system: System | None = None
@@ -147,7 +153,8 @@ def compare(
             clock, searched, metrics, trace = on_course.judge(system)
             cost = timing.frame_cost(system, clock, frames, searched=searched, repeats=REPEATS)
         row = {"system": entry.name, "course": course.name, "seconds": len(trace.walked) / system.fps}
-        rows.append(row | memory_mb(system) | cost.microseconds() | metrics)
+        poses = errors.of(entry.decoder) if inexact else {}
+        rows.append(row | memory_mb(system) | cost.microseconds() | poses | metrics)
         traces.append(trace)
         costs.setdefault(entry.name, []).append(cost)
     table = pd.DataFrame(rows)
@@ -201,11 +208,12 @@ def _chosen(
     systems: Sequence[str | Entry] | None,
     indexes: Sequence[str] | None,
     models: Mapping[str, AnyModel] | None,
+    codecs: Sequence[str],
     *,
     legs: bool,
 ) -> list[Entry]:
     if systems is None or all(isinstance(s, str) for s in systems):
-        return choose(systems, indexes=indexes, models=models, legs=legs)  # type: ignore[arg-type]
+        return choose(systems, indexes=indexes, models=models, codecs=codecs, legs=legs)  # type: ignore[arg-type]
     if not all(isinstance(s, Entry) for s in systems):
         raise TypeError("give systems by name or as entries, not both")
     return list(systems)  # type: ignore[arg-type]

@@ -20,7 +20,9 @@ from motion import console
 from motion.errors import UserError
 
 from . import timing
-from .systems import ENDINGS, called, without_legs
+from .entry import called
+from .learned import ENDINGS
+from .systems import without_legs
 
 if TYPE_CHECKING:
     from lmm.models import AnyModel
@@ -81,7 +83,7 @@ def _systems(
 ) -> dict[str, list[Callable[..., System]]]:
     """What makes each system, of a count: as it is, and if it searches, once more without any search."""
     from lmm.controller import controller
-    from lmm.evaluator import products_here
+    from lmm.evaluator import Products, products_here
     from lmm.locomotion.settings import LocomotionSettings
     from lmm.models import Model, controllers
 
@@ -90,10 +92,11 @@ def _systems(
     shared = build_index(database, index, often)
     search: dict[str, Callable[..., System]] = {f"mm-{index}": partial(Controller, database, index=shared)}
     networks: dict[str, Callable[..., System]] = {}
-    endings = {name: ending for name, ending in ENDINGS.items() if name in products_here()}
+    kinds: tuple[Products, ...] = ("float32", "bfloat16")
     for name, model in models.items():
         model.check(database)
-        for products, ending in endings.items():
+        for products in (kind for kind in kinds if kind in products_here()):
+            ending = ENDINGS[None if products == "float32" else products]
             if isinstance(model, Model):
                 search[f"{name}-PSD{ending}"] = partial(controller, model, products=products)
             else:

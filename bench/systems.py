@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import fnmatch
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
-from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
@@ -17,42 +15,12 @@ from mm.database import Database
 from mm.feet import joints_of_legs
 from motion.errors import UserError
 
+from .entry import Entry, Factory, called
+from .learned import learned
+from .small import compressed
+
 if TYPE_CHECKING:
-    from lmm.evaluator import Products
-    from lmm.locomotion.model import LocomotionModel
-    from lmm.model import Model
     from lmm.models import AnyModel
-
-
-class Factory(Protocol):
-    """Builds a system of count characters that keep off obstacles [M, 5] (see `mm.controller`)."""
-
-    def __call__(self, database: Database, count: int, *, obstacles: ArrayLike = ()) -> System: ...
-
-
-@dataclass(frozen=True)
-class Entry:
-    """A named way to make a system of N characters from a database; family: the name up to the first dash.
-
-    locked : whether it holds the feet, which takes whole legs. spare : whether it stands for a locked one
-    where legs are not whole, and elsewhere comes by its name or a pattern alone. asked : whether it comes by
-    its name or a pattern alone everywhere.
-    """
-
-    name: str
-    make: Factory
-    about: str = ""
-    locked: bool = False
-    spare: bool = False
-    asked: bool = False
-
-    @property
-    def family(self) -> str:
-        return self.name.split("-", 1)[0]
-
-
-ENDINGS: dict[Products, str] = {"float32": "", "bfloat16": "-bf16"}  # of names, by what is multiplied
-STAGES = {"P": "projection", "S": "stepping", "D": "decompression"}
 
 _REGISTERED: dict[str, Entry] = {}
 
@@ -60,11 +28,6 @@ _REGISTERED: dict[str, Entry] = {}
 def register(name: str, make: Factory, about: str = "") -> None:
     """Add a system, or replace the one of that name."""
     _REGISTERED[name] = Entry(name, make, about)
-
-
-def called(name: str, locked: bool) -> str:
-    """The name of a system that holds the feet, or of the same one that does not."""
-    return name if locked else f"{name}-free"
 
 
 def without_legs(database: Database) -> UserError | None:
@@ -135,114 +98,15 @@ def load_models(paths: Sequence[str]) -> dict[str, AnyModel]:
     return models
 
 
-def learned(models: Mapping[str, AnyModel]) -> list[Entry]:
-    """All systems that models make, whose names begin with those of the models.
-
-    Learned motion matching runs in all ways in which networks take the place of stages: NAME-PSD is learned
-    motion matching itself. P is projection, S stepping, D decompression: NAME-D is the decompressor alone, on
-    an exact search. None of them learned is mm-exact. A phase-functioned network is NAME-cubic, NAME-linear
-    and NAME-constant, a mode-adaptive one of four experts NAME-4.
-
-    NAME-D-free does not hold the feet; it comes by its name or a pattern, or where legs are not whole.
-    NAME-PSD-bf16, NAME-cubic-bf16 and so on multiply bfloat16 numbers, where the processor can, which pays in
-    crowds (see `bench.crowd`); they come by their names or a pattern, to show what that costs in quality.
-    """
-    from lmm.models import Model
-
-    out = []
-    for name, model in models.items():
-        ways = _mixtures(model) if isinstance(model, Model) else _networks(model)
-        for (way, about, make), (products, ending), locked in product(ways, ENDINGS.items(), (True, False)):
-            if ending and isinstance(model, Model) and way != "PSD":
-                continue
-            about += f", products of {products} numbers" * bool(ending) + ", feet as they come" * (not locked)
-            title = called(f"{name}-{way}{ending}", locked)
-            made = partial(make, title, products, locked)
-            out.append(Entry(title, made, about, locked, not locked and not ending, bool(ending)))
-    return out
-
-
-def _mixtures(model: Model) -> list[tuple[str, str, Callable[..., System]]]:
-    """Of each way to mix learned stages with others its letters, what it is, and what makes it."""
-    from lmm.mixtures import COMBINATIONS
-
-    shared: dict[str, Any] = {}
-    out: list[tuple[str, str, Callable[..., System]]] = []
-    for letters in filter(None, reversed(COMBINATIONS)):
-        networks = " and ".join(word for letter, word in STAGES.items() if letter in letters)
-        out.append((letters, f"{networks} by networks", partial(_learned, model, letters, shared)))
-    return out
-
-
-def _networks(model: LocomotionModel) -> list[tuple[str, str, Callable[..., System]]]:
-    """Of each way to run a network of locomotion how its name ends, what it is, and what makes it."""
-    from lmm.models import controllers
-
-    return [
-        (way, f"{model.kind}, {way}", partial(_network, model, make))
-        for way, make in controllers(model).items()
-    ]
-
-
-def _network(
-    model: LocomotionModel,
-    make: Callable[..., System],
-    name: str,
-    products: Products,
-    locked: bool,
-    database: Database,
-    count: int,
-    *,
-    obstacles: ArrayLike = (),
-) -> System:
-    from lmm.locomotion.settings import LocomotionSettings
-
-    model.check(database)
-    settings = LocomotionSettings(foot_lock=locked)
-    return make(count=count, settings=settings, obstacles=obstacles, products=products, name=name)
-
-
-def _learned(
-    model: Model,
-    letters: str,
-    shared: dict[str, Any],
-    name: str,
-    products: Products,
-    locked: bool,
-    database: Database,
-    count: int,
-    *,
-    obstacles: ArrayLike = (),
-) -> System:
-    from lmm.controller import controller
-    from mm.controller import build_index
-    from mm.settings import Settings
-
-    model.check(database)
-    settings = Settings(foot_lock=locked)
-    needed: dict[str, Any] = {}
-    if letters != "PSD":  # one index and the latents serve all that need them
-        if shared.get("of") is not database:
-            shared |= {"of": database, "latents": model.latents(database)}
-            shared["index"] = build_index(database, "exact", settings)
-        needed = {"database": database, "latents": shared["latents"], "index": shared["index"]}
-    return controller(
-        model,
-        learned=letters,
-        settings=settings,
-        count=count,
-        obstacles=obstacles,
-        products=products,
-        name=name,
-        **needed,
-    )
-
-
 def entries(
-    indexes: Iterable[str] | None = None, models: Mapping[str, AnyModel] | None = None
+    indexes: Iterable[str] | None = None,
+    models: Mapping[str, AnyModel] | None = None,
+    codecs: Sequence[str] = (),
 ) -> list[Entry]:
-    """All systems there are; indexes limits those of motion matching."""
-    return [*motion_matching(indexes), *learned(models or {}), *_REGISTERED.values()]
+    """All systems there are; indexes limits those of motion matching, codecs are some besides `CODECS`."""
+    small = compressed(codecs)
+    small += [entry for entry in compressed() if entry.name not in {one.name for one in small}]
+    return [*motion_matching(indexes), *small, *learned(models or {}), *_REGISTERED.values()]
 
 
 def choose(
@@ -250,23 +114,27 @@ def choose(
     *,
     indexes: Iterable[str] | None = None,
     models: Mapping[str, AnyModel] | None = None,
+    codecs: Sequence[str] = (),
     legs: bool = True,
 ) -> list[Entry]:
     """Systems by name, by family ("mm") or by pattern ("mm-*-free"), in the registry's order; all when None.
 
-    models are those that systems are made of, by name (see `learned`). Where legs are not whole families and
-    patterns leave out who needs them. A pattern that fits nothing is a UserError that lists the choices.
+    models are those that systems are made of, by name (see `learned`), codecs those of databases (see
+    `compressed`). Where legs are not whole families and patterns leave out who needs them. A pattern is of
+    systems that have to be asked for where it fits no others. One that fits nothing is a UserError that lists
+    the choices.
     """
-    known = entries(indexes, models)
+    known = entries(indexes, models, codecs)
     usual = [e for e in known if not e.asked and not (e.spare if legs else e.locked)]
     if patterns is None:
         return usual
+    fits = [e for e in known if legs or not e.locked]
+    groups = [e for e in fits if not e.asked], [e for e in fits if e.asked and not (legs and e.spare)]
     chosen = []
     for pattern in patterns:
         fitting = [e for e in usual if e.family == pattern] or [e for e in known if e.name == pattern]
-        fitting = fitting or [
-            e for e in known if fnmatch.fnmatchcase(e.name, pattern) and (legs or not e.locked)
-        ]
+        for group in groups:
+            fitting = fitting or [e for e in group if fnmatch.fnmatchcase(e.name, pattern)]
         if not fitting and _lacks_model(pattern, models or {}):
             raise UserError(f"no system {pattern!r} without a model", remedy="give one that lmm train wrote")
         if not fitting:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from motion import files
 from motion.errors import UserError
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from .locomotion.controller import LocomotionController
 
 AnyModel = Model | LocomotionModel
+SameKind = TypeVar("SameKind", bound=AnyModel)
 
 # Kinds by the name that commands and systems have for them.
 TYPES: dict[str, type[AnyModel]] = {"lmm": Model, "pfnn": PhaseModel, "mann": MannModel}
@@ -76,7 +77,7 @@ def show(facts: dict[str, Any], model: AnyModel) -> None:
         of_locomotion.show(facts, model)
 
 
-def with_weights(model: AnyModel, weights: str | None) -> tuple[AnyModel, Products]:
+def with_weights(model: SameKind, weights: str | None) -> tuple[SameKind, Products]:
     """A model whose weights are held as one of `WEIGHTS` (None: as they are stored), and its products.
 
     bfloat16 weights are multiplied as such, others as float32. Mixed weights have no int8: a UserError.
@@ -87,7 +88,7 @@ def with_weights(model: AnyModel, weights: str | None) -> tuple[AnyModel, Produc
         raise UserError(f"a {model.kind} has no int8 weights", remedy="take float16")
     if weights in (None, "bfloat16"):
         return model, cast("Products", weights or "float32")
-    return model.as_type(cast(Any, weights)), "float32"
+    return cast("SameKind", model.as_type(cast(Any, weights))), "float32"
 
 
 def controllers(model: LocomotionModel) -> dict[str, Callable[..., LocomotionController]]:

@@ -44,8 +44,9 @@ def test_each_way_to_run_a_network_is_a_row(compared, database, models):
     assert rows.index.tolist()[1:] == ["mm-exact", *NETWORKS[:3], "mann-4", "mann-4-free"]
     entries = systems.learned(models)
     assert [entry.name for entry in entries if entry.locked and not entry.asked] == NETWORKS
-    assert [e.name for e in entries if e.locked and e.asked] == [f"{name}-bf16" for name in NETWORKS]
-    assert [entry.name for entry in entries if entry.spare] == free
+    asked = {e.name for e in entries if e.locked and e.asked}
+    assert asked == {f"{name}-{held}" for name in NETWORKS for held in ("bf16", "fp32", "fp16")}
+    assert [entry.name for entry in entries if entry.spare and not entry.asked] == free
     assert {entry.family for entry in entries} == {"pfnn", "mann"}
     assert entries[1].about == "phase-functioned network, cubic, feet as they come"
     system = entries[1].make(database, 1)

@@ -10,7 +10,7 @@ from motion.errors import UserError
 
 FEATURES = ("float32", "float16", "8bit", "pq")
 FEWEST_BITS, MOST_BITS = 6, 18  # a quaternion and the bits before it in its first byte fit 64
-KNOWN = "float32, float16, recomputed, quantised-BITS, keyframes-CM"
+KNOWN = "float32, float16, recomputed, quantised-BITS, keyframes-CM, features-KIND"
 
 
 @dataclass(frozen=True)
@@ -47,15 +47,20 @@ class Codec:
             words.append("recomputed")
         return "+".join(words) or "float32"
 
+    @property
+    def whole_name(self) -> str:
+        """The codec of poses and features, as `parse` takes it."""
+        return self.name + (f"+features-{self.features}" if self.features != "float32" else "")
+
 
 def parse(names: str | Sequence[str], *, features: str = "float32") -> Codec:
-    """The codec of names, each one or several with "+" between: "keyframes-0.5+quantised-11".
+    """The codec of names, each one or several with "+" between: "keyframes-0.5+quantised-11+features-8bit".
 
-    quantised and keyframes recompute velocities, too. Unknown names and two that exclude each other are
-    UserErrors.
+    quantised and keyframes recompute velocities, too. features are what no name says of them. Unknown names
+    and two that exclude each other are UserErrors.
     """
     words = [w for name in ([names] if isinstance(names, str) else names) for w in name.split("+")]
-    numbers, bits, recomputed, keyframes = "", 0, False, None
+    numbers, bits, recomputed, keyframes, said = "", 0, False, None, ""
     for word in words:
         kind, _, value = word.partition("-")
         if (kind in ("float32", "float16") and not value) or (kind == "quantised" and value.isdecimal()):
@@ -74,6 +79,8 @@ def parse(names: str | Sequence[str], *, features: str = "float32") -> Codec:
             keyframes = float(value)
             if not 0.001 <= keyframes <= 100:
                 raise UserError(f"an error of {value} cm", remedy="give one from 0.001 to 100")
+        elif kind == "features" and value and not said:
+            features = said = value
         else:
             raise UserError(f"no codec {word!r}", remedy=f"choose from {KNOWN}, or chain them with +")
     if features not in FEATURES:
