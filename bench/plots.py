@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
+from features.terrain import Ground
 from mm.quality import Trace
 from motion.figures import COLOURS, INK, figure, thin
 
@@ -20,16 +22,18 @@ STAGES = (
     "inertialization",
     "synchronization",
     "foot_lock",
+    "ground",
     "trajectory",
     "network",
     "pose",
 )
 
 ABREAST = 7  # names in a line of a legend, at most
+MARGIN, RELIEF_POINTS = 0.05, 80  # of a way's extent drawn around it; points a side that tell its ground
 
 
-def paths(traces: Sequence[Trace], labels: Sequence[str]) -> Any:
-    """Where the systems walked on one course, over what was commanded."""
+def paths(traces: Sequence[Trace], labels: Sequence[str], ground: Ground | None = None) -> Any:
+    """Where the systems walked on one course, over what was commanded; with lines of equal height."""
     picture, (axes,) = figure(4.6, 4.2)
     asked = traces[0].path if traces[0].path is not None else traces[0].asked
     what = "commanded path" if traces[0].path is not None else "the command obeyed to the letter"
@@ -37,6 +41,8 @@ def paths(traces: Sequence[Trace], labels: Sequence[str]) -> Any:
     for trace, label in zip(traces, labels, strict=True):
         axes.plot(*thin(trace.walked, 1500).T, linewidth=1.2, label=label, alpha=0.9)
     axes.plot(*traces[0].walked[0], "o", color=INK, markersize=4)
+    if ground is not None:
+        _relief(axes, ground, np.concatenate([asked, *(trace.walked for trace in traces)]))
     axes.set_aspect("equal", adjustable="datalim")
     axes.invert_xaxis()  # looked at from above with +Z up the page, +X is on the left
     axes.set_xlabel("x, m")
@@ -45,12 +51,24 @@ def paths(traces: Sequence[Trace], labels: Sequence[str]) -> Any:
     return picture
 
 
-def over_time(traces: Sequence[Trace], labels: Sequence[str]) -> Any:
-    """Speed against what was commanded, and skate, over time on one course."""
+def _relief(axes: Any, ground: Ground, ways: NDArray) -> None:
+    """Lines of equal height, faint, around ways [P, 2]."""
+    low, high = ways.min(axis=0), ways.max(axis=0)
+    low, high = low - MARGIN * (high - low).max(), high + MARGIN * (high - low).max()
+    x, z = (np.linspace(a, b, RELIEF_POINTS) for a, b in zip(low, high, strict=True))
+    heights = np.asarray(ground(*np.broadcast_arrays(x[:, None], z)), np.float64)
+    if np.ptp(heights) > 0:
+        lines = axes.contour(x, z, heights.T, levels=8, colors="#8888", linewidths=0.5, zorder=0)
+        axes.clabel(lines, fmt="%.2g m", fontsize=5)
+
+
+def over_time(traces: Sequence[Trace], labels: Sequence[str], ground: Ground | None = None) -> Any:
+    """Speed against what was commanded, and skate, over time on one course; the ground's height beneath."""
     from matplotlib.figure import Figure
 
     picture = Figure(figsize=(6.4, 4.2), layout="constrained")
-    speed, skate = picture.subplots(2, 1, sharex=True)
+    every = picture.subplots(2 if ground is None else 3, 1, sharex=True)
+    speed, skate = every[:2]
     first = traces[0]
     speed.plot(
         thin(np.arange(len(first.asked_speed)) / first.fps, 1200),
@@ -64,12 +82,18 @@ def over_time(traces: Sequence[Trace], labels: Sequence[str]) -> Any:
         time = np.arange(len(trace.speed)) / trace.fps
         speed.plot(thin(time, 1200), thin(trace.speed, 1200), linewidth=0.9, label=label, alpha=0.9)
         skate.plot(thin(time[1:], 1200), thin(trace.skate, 1200), linewidth=0.9, alpha=0.9)
+        if ground is not None:
+            heights = np.asarray(ground(trace.walked[:, 0], trace.walked[:, 1]))
+            every[2].plot(thin(time, 1200), thin(heights, 1200), linewidth=0.9, alpha=0.9)
     picture.legend(*speed.get_legend_handles_labels(), loc="outside lower left", fontsize=7)
     speed.set_ylabel("speed, m/s")
     skate.set_ylabel("foot skate, cm/s")
-    skate.set_xlabel("time, s")
+    if ground is not None:
+        every[2].set_ylabel("ground, m")
+    every[-1].set_xlabel("time, s")
     for axes in (speed, skate):
         axes.set_ylim(bottom=0)
+    for axes in every:
         axes.grid(True, axis="y")
     return picture
 

@@ -6,7 +6,7 @@ A ground is any function heights(x, z) -> y of arrays of one shape, metres in th
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -42,12 +42,14 @@ class Heightmap:
     spacing : metres from one row or column to the next.
     origin : x, z of heights[0, 0]; by default the point R // 2, C // 2 is at 0, 0.
     compiled : False samples by the NumPy twin, for tests.
+    name : what reports call it.
     """
 
     heights: NDArray[np.float32]
     spacing: float = SPACING
     origin: tuple[float, float] | None = None
     compiled: bool = True
+    name: str = "a heightmap"
 
     def __post_init__(self) -> None:
         heights = np.ascontiguousarray(self.heights, np.float32)
@@ -71,6 +73,29 @@ class Heightmap:
         """Metres from the first to the last point along x and z."""
         rows, columns = self.heights.shape
         return (rows - 1) * self.spacing, (columns - 1) * self.spacing
+
+    def facts(self) -> dict[str, Any]:
+        """What a report says of it: name, size_m along x and z, low_m and high_m, and of the slopes (metres a
+        metre) the median and the 95th percentile."""
+        slopes = np.hypot(*np.gradient(self.heights.astype(np.float64), self.spacing))
+        median, p95 = np.percentile(slopes, (50, 95))
+        return {
+            "name": self.name,
+            "size_m": list(self.size),
+            "low_m": float(self.heights.min()),
+            "high_m": float(self.heights.max()),
+            "slope_median": float(median),
+            "slope_p95": float(p95),
+        }
+
+    def covers(self, x: ArrayLike, z: ArrayLike) -> NDArray[np.bool_]:
+        """Whether x [..] and z [..] lie within the edges."""
+        assert self.origin is not None
+        inside = [
+            (low <= np.asarray(at)) & (np.asarray(at) <= low + length)
+            for at, low, length in zip((x, z), self.origin, self.size, strict=True)
+        ]
+        return inside[0] & inside[1]
 
     def __call__(self, x: ArrayLike, z: ArrayLike) -> NDArray[np.float32]:
         """Heights [..], metres, at x [..] and z [..]; NaN where these are."""
@@ -109,7 +134,16 @@ def load(
         raise UserError(
             f"a height of {np.abs(metres).max():g} m", path=path, remedy="check the file, or give its unit"
         )
-    return Heightmap(metres.astype(np.float32), spacing)
+    return Heightmap(metres.astype(np.float32), spacing, name=str(path))
+
+
+def told(facts: Mapping[str, Any]) -> str:
+    """A sentence of the facts of a heightmap."""
+    (x, z), slopes = facts["size_m"], (100 * facts["slope_median"], 100 * facts["slope_p95"])
+    return (
+        f"all walk on {facts['name']}: {x:.1f} x {z:.1f} m, {facts['low_m']:.2f} to {facts['high_m']:.2f} m "
+        f"high, slopes of {slopes[0]:.0f} % (median) and {slopes[1]:.0f} % (95th percentile)"
+    )
 
 
 def save(path: str | os.PathLike[str], heightmap: Heightmap, *, unit: float = UNIT) -> None:

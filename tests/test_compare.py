@@ -359,6 +359,32 @@ def test_a_strip_is_a_picture(matched):
     assert data.startswith(b"\x89PNG") and len(data) > 5000
 
 
+def test_figures_of_a_strip_stand_on_the_line_of_the_ground(matched):
+    from matplotlib.figure import Figure
+
+    def slope(x, z):
+        return 0.3 * x + 0.2 * z + 5.0
+
+    trace = matched.traces[0]
+    poses = trace.poses.copy()
+    poses[..., 1] += slope(poses[:, :1, 0], poses[:, :1, 2])
+    shown = {}
+    for view in ("side", "front"):
+        for name, bodies, ground in (("flat", trace.poses, None), ("slope", poses, slope)):
+            axes = Figure().subplots()
+            options = {} if ground is None else {"ground": ground}
+            strips.draw(axes, trace.skeleton, bodies, trace.yaws, view=view, cell=1.0, **options)
+            lines, bones = (c.get_segments() for c in sorted(axes.collections, key=lambda c: c.zorder))
+            shown[name] = np.array(lines), np.array(bones)
+        lines, bones = zip(shown["flat"], shown["slope"], strict=True)
+        np.testing.assert_allclose(*bones, atol=1e-6)
+        np.testing.assert_allclose(lines[0][..., 1], 0)
+        for line, yaw in zip(lines[1], trace.yaws, strict=True):
+            ahead, left = (np.sin(yaw), np.cos(yaw)), (np.cos(yaw), -np.sin(yaw))
+            rise = np.dot((0.3, 0.2), ahead if view == "side" else left)
+            assert line[:, 1] == pytest.approx(rise * (line[:, 0] - line[:, 0].mean()), abs=1e-5)
+
+
 def test_feet_rest_where_the_synthetic_walker_puts_them(database):
     feet = quality.Feet.of(database)
     assert [database.skeleton.names[j] for j in feet.joints] == ["LeftToe", "RightToe"]

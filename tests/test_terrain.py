@@ -49,6 +49,28 @@ def test_the_origin_moves_a_map_and_flat_is_flat():
     assert terrain.flat(np.zeros((3, 1)), np.zeros(4)).tolist() == np.zeros((3, 4)).tolist()
 
 
+def test_facts_of_a_plane_are_its_size_relief_and_slope(tmp_path):
+    made = plane_map()
+    facts = made.facts()
+    assert facts["size_m"] == pytest.approx([3.9, 2.9])
+    assert (facts["low_m"], facts["high_m"]) == pytest.approx((plane(-2.0, 1.4), plane(1.9, -1.5)))
+    slopes = facts["slope_median"], facts["slope_p95"]
+    assert slopes == pytest.approx(2 * (np.hypot(0.3, 0.2),), rel=1e-4)
+    terrain.save(tmp_path / "plane.txt", made)
+    read = terrain.load(tmp_path / "plane.txt", spacing=0.1, level=0).facts()
+    assert read.pop("name") == str(tmp_path / "plane.txt") and facts.pop("name")
+    assert read == pytest.approx(facts, rel=1e-4)
+    sentence = terrain.told({"name": "plane.txt", **facts})
+    assert "plane.txt: 3.9 x 2.9 m, -0.78 to 0.97 m high" in sentence and "36 % (median)" in sentence
+
+
+def test_a_map_covers_what_lies_within_its_edges():
+    ground = plane_map(origin=(10.0, -4.0))
+    np.testing.assert_array_equal(
+        ground.covers([10.0, 13.8, 14.0, 12.0, 12.0], [-4.0, -1.2, -2.0, -4.1, -2.0]), [1, 1, 0, 0, 1]
+    )
+
+
 def test_a_map_that_is_none_is_refused():
     for heights in (np.zeros(4), np.zeros((1, 4)), np.full((3, 3), np.nan)):
         with pytest.raises(ValueError, match="heights"):
