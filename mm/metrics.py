@@ -453,6 +453,11 @@ def responsiveness(
     )
 
 
+def or_infinite(values: ArrayLike) -> Array:
+    """Errors, infinite where they are no number: nothing could be further off."""
+    return np.nan_to_num(values, nan=np.inf, posinf=np.inf)
+
+
 def mean(values: Array) -> float:
     """Mean of all values; NaN when there are none."""
     return float(values.mean()) if values.size else float("nan")

@@ -88,6 +88,16 @@ def test_a_single_frame_has_no_velocity():
     assert "velocity_cm_s" not in decompressor.pose_errors(*poses, *poses, ARM, fps=60, starts=[0])
 
 
+def test_a_decompressor_that_gives_no_numbers_misses_its_target(database, exact):
+    network = exact.decompressor
+    lost = replace(network, biases=(*network.biases[:-1], np.full_like(network.biases[-1], np.nan)))
+    with np.errstate(invalid="ignore"):
+        found = decompressor.errors(replace(exact, decompressor=lost), database)
+    assert {found["position_cm"]["mean"], *found["joints"].values()} == {np.inf}
+    rows = evaluate.targets(_found(decompressor={"whole": found, "held_out": found}))
+    assert [row["met"] for row in rows[:2]] == [False, False]
+
+
 def test_what_loses_nothing_has_no_error(database, exact):
     found = decompressor.errors(exact, database)
     assert found["frames"] == len(database) and found["contacts"] == 1
@@ -388,6 +398,7 @@ def test_what_stands_still_lasts_and_what_grows_is_caught(database, exact):
 
 def _found(**changes) -> dict:
     found = {
+        "database": {"fps": 60.0},
         "decompressor": {"whole": {"position_cm": {"mean": 0.9}}, "held_out": {"position_cm": {"mean": 2.1}}},
         "stepper": {"training": {"drift": [{"steps": 10, "joints_cm": 5.0}]}, "held_out": {"drift": []}},
         "projector": {"real": {"regret": {"median": 1.06}}},
@@ -404,6 +415,7 @@ def test_targets_are_met_or_not():
     rows = evaluate.targets(_found())
     assert [row["met"] for row in rows] == [True, False, True, False, True, False, True]
     assert rows[4]["found"] == pytest.approx(1.08) and "10 minutes" in rows[-1]["what"]
+    assert rows[2]["what"] == "drift after 10 frames (0.17 s), training clips, cm"
     free = [{"system": f"{name}-free", "skate_cm_s": 1.0, "path_cm": None} for name in ("mm", "lmm-PSD")]
     rows = evaluate.targets(_found(systems=free))
     assert [row["met"] for row in rows[4:6]] == [True, None]

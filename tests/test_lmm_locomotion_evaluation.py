@@ -179,6 +179,16 @@ def test_starts_are_of_their_part_and_clips_that_are_short_run_as_long_as_they_a
     assert [row["steps"] for row in run.table()] == [1]
 
 
+def test_a_network_that_puts_out_no_numbers_misses_its_targets(truth):
+    ends = {"output_mean": np.full_like(truth.model.network.output_mean, np.nan)}
+    lost = replace(truth, model=replace(truth.model, network=replace(truth.model.network, **ends)))
+    with np.errstate(invalid="ignore"):
+        run = {"drift": free_runs.drift(lost, "training", runs=5).table()}
+        poses = frames.poses(lost, frames.step(lost))
+    rows = locomotion.targets(_found(poses=poses, free_run={"training": run}))
+    assert [row["met"] for row in rows[:2]] == [False, False]
+
+
 def test_who_learned_to_go_up_and_down_is_judged_on_level_ground_and_that_is_told(phased, database):
     def terrain(level: bool):
         return replace(phased, training={"terrain": {"level_motion": level}})
@@ -198,6 +208,7 @@ def test_labels_of_other_contacts_are_refused(phased, database):
 def _found(**changes: Any) -> dict[str, Any]:
     found: dict[str, Any] = {
         "kind": "pfnn",
+        "database": {"fps": 30.0},
         "poses": {"training": {}, "held_out": {"position_cm": {"mean": 2.5}}},
         "free_run": {"training": {"drift": [{"steps": 10, "joints_cm": 4.0}]}, "held_out": {"drift": []}},
         "costs": [{"frame_us": 500.0}, {"frame_us": 300.0}],
@@ -213,6 +224,7 @@ def _found(**changes: Any) -> dict[str, Any]:
 
 def test_targets_by_hand():
     rows = locomotion.targets(_found())
+    assert rows[1]["what"] == "drift after 10 frames (0.33 s), training clips, cm"
     assert [(row["found"], row["met"]) for row in rows] == [
         (2.5, False),
         (4.0, True),

@@ -34,14 +34,15 @@ def pose_errors(
 
     position_cm after forward kinematics, rotation_deg of the joints' own rotations, velocity_cm_s of finite
     differences of the positions: each mean, std and p99 over frames and joints, the mean of the worst joint
-    and its name. joints: each one's mean position error. starts: frames that begin a clip.
+    and its name. joints: each one's mean position error. A position that is no number is infinitely far off.
+    starts: frames that begin a clip.
     """
     joints = skeleton.names[1:]
     truth, found = (
         _aligned(skeleton, true_positions, true_rotations),
         _aligned(skeleton, positions, rotations),
     )
-    apart = 100 * np.linalg.norm(found - truth, axis=-1)
+    apart = metrics.or_infinite(100 * np.linalg.norm(found - truth, axis=-1))
     measured = {
         "position_cm": metrics.errors(apart),
         "rotation_deg": metrics.rotation_error(true_rotations[:, 1:], rotations[:, 1:]),

@@ -160,14 +160,11 @@ def targets(found: dict[str, Any]) -> list[dict[str, Any]]:
     def add(what: str, most: float, value: float | None) -> None:
         rows.append(target(what, most, value))
 
-    poses, drifts = found["decompressor"], found["stepper"]
+    poses = found["decompressor"]
     add("joint error, whole database, cm", WHOLE_CM, poses["whole"]["position_cm"]["mean"])
     if "held_out" in poses:
         add("joint error, held-out clips, cm", HELD_OUT_CM, poses["held_out"]["position_cm"]["mean"])
-    for name, part in drifts.items():
-        at = [row["joints_cm"] for row in part["drift"] if row["steps"] == DRIFT_STEPS]
-        if at:
-            add(f"drift after {DRIFT_STEPS} frames, {name.replace('_', '-')} clips, cm", DRIFT_CM, at[0])
+    rows += drifting(found["stepper"], found["database"]["fps"])
     add("projector's regret on real queries, median", REGRET, found["projector"]["real"]["regret"]["median"])
     return [*rows, *beside_matching(found, "lmm-PSD"), lasting(found)]
 
@@ -176,6 +173,17 @@ def target(what: str, most: float, value: float | None) -> dict[str, Any]:
     """A row of `targets`; what is infinite, as the drift of states that are no numbers any more, is bad."""
     met = None if value is None or np.isnan(value) else bool(value <= most)
     return {"what": what, "at most": most, "found": value, "met": met}
+
+
+def drifting(runs: dict[str, Any], fps: float) -> list[dict[str, Any]]:
+    """Targets of free runs, by part of the data."""
+    after = f"drift after {DRIFT_STEPS} frames ({DRIFT_STEPS / fps:.2g} s)"
+    return [
+        target(f"{after}, {part.replace('_', '-')} clips, cm", DRIFT_CM, row["joints_cm"])
+        for part, run in runs.items()
+        for row in run["drift"]
+        if row["steps"] == DRIFT_STEPS
+    ]
 
 
 def system_of(found: dict[str, Any], name: str) -> dict[str, Any] | None:

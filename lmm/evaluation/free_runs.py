@@ -31,7 +31,7 @@ UNITS = {
 
 @dataclass(eq=False)
 class Drift:
-    """Errors after 1 to S steps of N free runs, [S, N] each.
+    """Errors after 1 to S steps of N free runs, [S, N] each, infinite where poses are no numbers any more.
 
     joints : mean distance of the joints from the true ones in root space, cm.
     rotation : mean angle of the joints' rotations in root space from the true ones, degrees.
@@ -107,7 +107,7 @@ def drift(truth: Truth, part: str, *, runs: int = RUNS) -> Drift:
             100 * np.linalg.norm(way[:, :2] - went[:, :2], axis=-1),
             np.degrees(np.abs(metrics.wrap(way[:, 2] - went[:, 2]))),
         )
-    found = dict(zip(UNITS, errors, strict=True))
+    found = dict(zip(UNITS, metrics.or_infinite(errors), strict=True))
     return Drift(**found | {"phase": found["phase"] if phased else None})  # type: ignore[arg-type]
 
 

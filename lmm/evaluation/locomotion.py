@@ -27,13 +27,12 @@ from motion.errors import Note
 from . import cost, driving, free_runs
 from . import frames as one_step
 from .evaluate import (
-    DRIFT_CM,
-    DRIFT_STEPS,
     HELD_OUT_CM,
     SEED,
     Plan,
     about,
     beside_matching,
+    drifting,
     lasting,
     plain,
     system_of,
@@ -201,11 +200,7 @@ def targets(found: dict[str, Any]) -> list[dict[str, Any]]:
     if "held_out" in found["poses"]:
         error = found["poses"]["held_out"]["position_cm"]["mean"]
         rows.append(target("joint error of one step, held-out clips, cm", HELD_OUT_CM, error))
-    for part, run in found["free_run"].items():
-        at = [row["joints_cm"] for row in run["drift"] if row["steps"] == DRIFT_STEPS]
-        if at:
-            what = f"drift after {DRIFT_STEPS} frames, {part.replace('_', '-')} clips, cm"
-            rows.append(target(what, DRIFT_CM, at[0]))
+    rows += drifting(found["free_run"], found["database"]["fps"])
     family = found["kind"]
     mine = system_of(found, family)
     if mine:

@@ -72,7 +72,7 @@ def drift(found: dict[str, Any]) -> Any:
     left.set_ylabel("distance of joints, root aligned, cm")
     right.set_ylabel("distance of the root from its path, cm")
     for axes in (left, right):
-        axes.set_xlabel("frames of free run")
+        axes.set_xlabel(_frames(found))
         axes.set_xlim(left=0)
         axes.set_ylim(bottom=0)
         axes.grid(True, axis="y")
@@ -102,7 +102,7 @@ def free_runs(found: dict[str, Any]) -> Any:
                 still = _numbers(curves["still_cm"])
                 axes.plot(count, still, color=figures.COLOURS[i], linestyle="--", linewidth=0.9)
         axes.set_ylabel(label)
-        axes.set_xlabel("frames of free run")
+        axes.set_xlabel(_frames(found))
         axes.set_xlim(left=0)
         axes.set_ylim(bottom=0)
         axes.grid(True, axis="y")
@@ -169,6 +169,10 @@ def courses(found: dict[str, Any]) -> Any:
         axes.grid(True, axis="x")
     panels[0].legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2)
     return picture
+
+
+def _frames(found: dict[str, Any]) -> str:
+    return f"frames of free run, {found['database']['fps']:g} a second"
 
 
 def _numbers(values: list[float | None]) -> list[float]:

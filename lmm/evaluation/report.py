@@ -69,13 +69,14 @@ def show(found: dict[str, Any], name: str) -> None:
 
 
 _WORDS = {True: "yes", False: "no", None: "-"}
+_KEPT = ", {fps:g} frames a second; means, and what 95 % of the runs keep to"
 
 
 def of_stages(found: dict[str, Any], name: str) -> dict[str, list[dict[str, Any]]]:
     """Tables by title of the networks of learned motion matching, each alone."""
     return {
         f"{name}: compressor and decompressor, poses of true states": poses(found["decompressor"]),
-        "stepper: free runs from true states; means, and what 95 % of the runs keep to": drifts(found),
+        f"stepper: free runs from true states{_KEPT.format(**found['database'])}": drifts(found),
         "projector: its answers beside those of exact search": answers(found),
     }
 
@@ -84,7 +85,7 @@ def of_network(found: dict[str, Any], name: str) -> dict[str, list[dict[str, Any
     """Tables by title of a network of locomotion alone."""
     return {
         f"{name}: one step from true frames, under the true trajectory": poses(found["poses"]),
-        "free runs under the true trajectory; means, and what 95 % of the runs keep to": [
+        f"free runs under the true trajectory{_KEPT.format(**found['database'])}": [
             {"clips": PARTS[part].removesuffix(" clips")}
             | {title: _rounded(row.get(key), 2) for key, title in RUN.items() if key in row}
             for part, run in found["free_run"].items()

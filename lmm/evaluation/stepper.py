@@ -139,7 +139,7 @@ def drift(
             100 * np.linalg.norm(way[:, :2] - went[:, :2], axis=-1),
             np.degrees(np.abs(metrics.wrap(way[:, 2] - went[:, 2]))),
         )
-        errors[:, s] = np.where(inside, np.nan_to_num(row, nan=np.inf, posinf=np.inf), np.nan)
+        errors[:, s] = np.where(inside, metrics.or_infinite(row), np.nan)
     return Drift(*errors)
 
 
