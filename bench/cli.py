@@ -89,6 +89,7 @@ CODECS = click.option(
 @click.option(
     "--scale/--no-scale", default=True, show_default=True, help="Bring course speeds to the data's."
 )
+@options.on_heights
 @click.option("-o", "--output", type=click.Path(), metavar="DIR", help="Write tables and report there.")
 @options.building
 @console.json_option
@@ -102,6 +103,8 @@ def compare(
     seconds: float,
     seed: int | None,
     scale: bool,
+    heights: str | None,
+    heights_spacing: float | None,
     output: str | None,
     as_json: bool,
     **chosen: Any,
@@ -122,6 +125,9 @@ def compare(
     features of 8 bits as mm-coded-CODEC, too. With such systems or models every system's poses are held
     against those of the data, and those of mm-exact (or mm-exact-free, where only such run) under the same
     commands.
+
+    With --heights all walk on uneven ground as with `mm run`; heights of feet are then those above what is
+    beneath them, and how deep feet sink into the ground and how high they hover over it is told, too.
     """
     from mm import course as known_courses
 
@@ -131,8 +137,9 @@ def compare(
 
     folder = None if output is None else Path(output)
     if folder is not None:
-        _check_folder(folder, (*sources, *models, *codecs), chosen)
+        _check_folder(folder, (*sources, *models, *codecs, *filter(None, [heights])), chosen)
     # Faults in what was asked for come before the work, not after it.
+    ground = options.heightmap(heights, heights_spacing)
     learned = registry.load_models(models) if models else {}
     registry.choose(systems, indexes=indexes, models=learned, codecs=codecs)
     loaded = [known_courses.load(name) for name in courses or comparing.COURSES]
@@ -148,6 +155,7 @@ def compare(
         seconds=seconds,
         seed=seed,
         scale=scale,
+        ground=ground,
         name=name,
         progress=True,
     )

@@ -8,18 +8,22 @@ import math
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from features import terrain
+from features.terrain import Ground, Heightmap
 from mm import course as courses_
 from mm import quality, recording, speeds
 from mm.control import System
 from mm.course import Course
 from mm.database import Database
 from mm.driving import COURSES, SECONDS, Again, Clock, Diverged, Replay, natural_seconds
+from mm.grounded import on_ground
 from mm.nearness import RealPoses, difference
 from motion import console
 from motion.errors import UserError
@@ -54,6 +58,7 @@ class Comparison:
     database : name, fingerprint, size and speeds of the data.
     models : what the learned systems are made of: fingerprint, size and training by name.
     machine : see `bench.timing.machine`.
+    ground : what all walked on, None where that was level.
     """
 
     summary: pd.DataFrame
@@ -65,6 +70,7 @@ class Comparison:
     database: dict[str, Any]
     models: dict[str, dict[str, Any]] = field(default_factory=dict)
     machine: dict[str, str] = field(default_factory=timing.machine)
+    ground: Heightmap | None = None
 
 
 def compare(
@@ -79,6 +85,7 @@ def compare(
     timed_seconds: float = TIMED_SECONDS,
     seed: int | None = None,
     scale: bool = True,
+    ground: Heightmap | None = None,
     name: str = "",
     progress: bool = False,
 ) -> Comparison:
@@ -101,6 +108,7 @@ def compare(
     timed_seconds : how much of each course the clock runs; the metrics are those of all of it.
     seed : of courses with a random user; their own when None.
     scale : bring the courses' speeds to those of the data.
+    ground : what all walk on; those that do not know of grounds are put on it (`mm.grounded`).
     name : of the database, for the report.
 
     An unknown course, system or index is a UserError that lists the choices.
@@ -122,12 +130,14 @@ def compare(
             f"course speeds are scaled to the data: the fastest walk to {walk:.2f} m/s, "
             f"the fastest run to {run:.2f} m/s"
         )
+    if ground is not None:
+        notes.append(terrain.told(ground.facts()))
     feet = quality.Feet.of(database)
     rows, traces = [], []
     costs: dict[str, list[timing.Cost]] = {}
-    yardstick = _Yardstick(database, legs=why is None) if inexact else None
+    yardstick = _Yardstick(database, ground, legs=why is None) if inexact else None
     errors = PoseErrors(database, held_by_all(model.held_out for model in (models or {}).values()))
-    runs = [_Runs(course, feet, seconds, yardstick) for course in played]
+    runs = [_Runs(course, feet, seconds, yardstick, ground) for course in played]
     jobs = [(entry, on_course) for entry in chosen for on_course in runs]
     system: System | None = None
     built: tuple[Any, ...] = ()
@@ -139,7 +149,8 @@ def compare(
         obstacles = course.obstacles()
         if built != (entry.name, obstacles.tobytes()):
             try:
-                system = entry.make(database, 1, obstacles=obstacles)
+                make = partial(entry.make, database, 1, obstacles=obstacles)
+                system = on_ground(make, ground, sees=entry.sees_ground)
             except UserError as error:
                 absent.add(entry.name)
                 if len(absent) == len(chosen):
@@ -157,9 +168,11 @@ def compare(
         rows.append(row | memory_mb(system) | cost.microseconds() | poses | metrics)
         traces.append(trace)
         costs.setdefault(entry.name, []).append(cost)
+    if ground is not None:
+        notes += _beyond(ground, traces)
     table = pd.DataFrame(rows)
     return Comparison(
-        _summary(table, costs, quality.of_data(database, feet)),
+        _summary(table, costs, quality.of_data(database, feet, on_ground=ground is not None)),
         table,
         traces,
         played,
@@ -183,7 +196,17 @@ def compare(
             "seed": seed,
         },
         {name: _about(model) for name, model in (models or {}).items()},
+        ground=ground,
     )
+
+
+def _beyond(ground: Heightmap, traces: Sequence[quality.Trace]) -> list[str]:
+    """A line if any went over the edges of a ground."""
+    ways = np.concatenate([trace.walked for trace in traces])
+    share = 100 * float(1 - ground.covers(ways[:, 0], ways[:, 1]).mean())
+    if share == 0:
+        return []
+    return [f"{share:.0f} % of the ways lie beyond the edges of the ground, which goes on as it is there"]
 
 
 def _about(model: AnyModel) -> dict[str, Any]:
@@ -236,13 +259,14 @@ class _Yardstick:
     mm_cm: what the rows of approximate searches have is what being out of step makes.
     """
 
-    def __init__(self, database: Database, *, legs: bool) -> None:
-        self._database, self.real = database, RealPoses(database)
+    def __init__(self, database: Database, ground: Ground | None, *, legs: bool) -> None:
+        self._database, self.real, self._ground = database, RealPoses(database), ground
         self._matching = choose([called("mm-exact", legs)])[0]
 
     def matching(self, course: Course) -> System:
         """The motion matching that others are held against."""
-        return self._matching.make(self._database, 1, obstacles=course.obstacles())
+        make = partial(self._matching.make, self._database, 1, obstacles=course.obstacles())
+        return on_ground(make, self._ground)
 
     def matched_cm(self, tape: recording.Recording, matched: recording.Recording) -> dict[str, float]:
         """Of two runs that were asked the same."""
@@ -267,10 +291,15 @@ class _Runs:
     """
 
     def __init__(
-        self, course: Course, feet: quality.Feet, seconds: float, yardstick: _Yardstick | None
+        self,
+        course: Course,
+        feet: quality.Feet,
+        seconds: float,
+        yardstick: _Yardstick | None,
+        ground: Ground | None,
     ) -> None:
         self.course, self._feet, self._seconds = course, feet, min(seconds, natural_seconds(course))
-        self._yardstick = yardstick
+        self._yardstick, self._ground = yardstick, ground
         self._matched: tuple[Clock, recording.Recording] | None = None
         self._ways: deque[Clock] = deque(maxlen=KEPT)
         self._judged: dict[bytes, tuple[dict[str, float], quality.Trace]] = {}
@@ -296,7 +325,13 @@ class _Runs:
         self, system: System, clock: Clock, tape: recording.Recording
     ) -> tuple[dict[str, float], quality.Trace]:
         metrics, trace = quality.judge(
-            tape.arrays, system.skeleton, system.fps, self._feet, tape.path, course=self.course.name
+            tape.arrays,
+            system.skeleton,
+            system.fps,
+            self._feet,
+            tape.path,
+            course=self.course.name,
+            ground=self._ground,
         )
         if self._yardstick and self._matched:
             asked, matched = self._matched

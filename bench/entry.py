@@ -36,7 +36,8 @@ class Entry:
     its name or a pattern alone everywhere.
     decoder : how its Decompression makes poses of frames, of all that make them alike the same object; None
     where it has no such stage. source : the model or the codec that it is made of, by name. alone : whether
-    that is all that it is made of, so that `make` takes None for a database.
+    that is all that it is made of, so that `make` takes None for a database. sees_ground : whether `make`
+    takes a ground, too, for which its poses are made; other systems are put on it (`mm.grounded.on_ground`).
     """
 
     name: str
@@ -48,6 +49,7 @@ class Entry:
     decoder: Decoder | None = as_stored
     source: str = ""
     alone: bool = False
+    sees_ground: bool = False
 
     @property
     def family(self) -> str:

@@ -17,6 +17,7 @@ from motion.pose import Poses
 from .entry import Entry, as_stored, called
 
 if TYPE_CHECKING:
+    from features.terrain import Ground
     from lmm.locomotion.model import LocomotionModel
     from lmm.model import Model
     from lmm.models import AnyModel
@@ -66,6 +67,7 @@ def learned(models: Mapping[str, AnyModel]) -> list[Entry]:
                         decoder=as_stored if staged and "D" not in way else decoder,
                         source=name,
                         alone=alone,
+                        sees_ground=not isinstance(model, Model) and model.sees_ground,
                     )
                 )
     return out
@@ -102,6 +104,7 @@ def _network(
     count: int,
     *,
     obstacles: ArrayLike = (),
+    **seen: Ground,
 ) -> System:
     from lmm.locomotion.settings import LocomotionSettings
     from lmm.models import controllers, with_weights
@@ -111,7 +114,7 @@ def _network(
     held, products = with_weights(model, weights)
     make = controllers(held)[way]
     settings = LocomotionSettings(foot_lock=locked)
-    return make(count=count, settings=settings, obstacles=obstacles, products=products, name=name)
+    return make(count=count, settings=settings, obstacles=obstacles, products=products, name=name, **seen)
 
 
 def _learned(

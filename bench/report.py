@@ -11,6 +11,7 @@ from typing import Any
 
 import pandas as pd
 
+from features.terrain import flat
 from motion import figures, files
 
 from . import plots, strips
@@ -27,6 +28,9 @@ COLUMNS: tuple[tuple[str, str, int, str], ...] = (
     ("skate_ratio", "skating", 3, "share of frames with a foot below 5 cm and faster than 0.5 m/s"),
     ("glide_share", "gliding", 3, "share of frames that travel without a foot going back under the root"),
     ("airborne_share", "airborne", 3, "share of frames with every foot over 5 cm above its rest: flight"),
+    ("sink_cm", "sink cm", 2, "how deep the deepest heel or toe is below where it rests on the ground, mean"),
+    ("sink_p99_cm", "sink p99", 1, "99th percentile of that"),
+    ("hover_cm", "hover cm", 2, "how high the heel or toe of a foot in contact is above that, mean"),
     ("path_cm", "path cm", 1, "mean distance from the commanded path, on courses that have one"),
     ("path_p95_cm", "path p95", 1, "95th percentile of that distance"),
     ("path_max_cm", "path max", 1, "the largest of that distance"),
@@ -69,6 +73,9 @@ BRIEF = (
     "skate_cm_s",
     "glide_share",
     "airborne_share",
+    "sink_cm",
+    "sink_p99_cm",
+    "hover_cm",
     "path_cm",
     "heading_deg",
     "speed_response_s",
@@ -104,6 +111,7 @@ def to_json(comparison: Comparison, *, command: str) -> dict[str, Any]:
         "database": comparison.database,
         "models": comparison.models,
         "machine": comparison.machine,
+        "ground": comparison.ground and comparison.ground.facts(),
         "notes": comparison.notes,
         "summary": plain(comparison.summary),
         "courses": plain(comparison.courses),
@@ -195,7 +203,9 @@ def _section(comparison: Comparison, course: Any) -> dict[str, Any]:
     groups = plots.groups(traces)
     with figures.style(course.name):
         pictures = [
-            figures.svg(draw([group[0] for group in same], [plots.label(group) for group in same]))
+            figures.svg(
+                draw([group[0] for group in same], [plots.label(group) for group in same], comparison.ground)
+            )
             for draw, same in ((plots.paths, plots.groups(traces, poses=False)), (plots.over_time, groups))
         ]
     return {
@@ -225,6 +235,6 @@ def _strips(comparison: Comparison, groups: Sequence[Sequence[Any]], course: str
     out = []
     for i, group in enumerate(groups):
         with figures.style(f"{course} {i}"):
-            picture = strips.figure(group[0], feet=comparison.feet)
+            picture = strips.figure(group[0], feet=comparison.feet, ground=comparison.ground or flat)
             out.append((plots.label(group), figures.svg(picture)))
     return out

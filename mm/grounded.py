@@ -71,8 +71,12 @@ class Grounded(Wrapped):
 def on_ground(make: Callable[..., Any], ground: Ground | None, *, sees: bool = False) -> Any:
     """The controller that make gives, put on a ground if there is one.
 
-    sees : make takes it, too (``make(ground=ground)``), and gives poses made for it.
+    sees : make takes it, too (``make(ground=ground)``), and gives poses made for it. What is made must be a
+    `mm.control.Described`, else it is a UserError.
     """
     if ground is None:
         return make()
-    return Grounded(make(ground=ground) if sees else make(), ground, follow=not sees)
+    made = make(ground=ground) if sees else make()
+    if not hasattr(made, "description"):
+        raise UserError(f"{made.name} tells nothing of its feet", remedy="leave the ground out")
+    return Grounded(made, ground, follow=not sees)

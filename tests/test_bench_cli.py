@@ -10,6 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from bench.cli import main
+from features import terrain, terrain_made
 from mm.build import build
 
 
@@ -96,6 +97,16 @@ def test_build_measures_a_new_process_and_a_warm_one(walker_files):
         assert row["times_real_time"] == pytest.approx(60 * row["minutes"] / row["seconds"])
 
 
+def test_compare_walks_on_a_heightmap(db, tmp_path):
+    terrain.save(tmp_path / "hills.txt", terrain_made.make(4, "hills", size=(10, 10)))
+    walk = ("compare", db, *QUICK, "--systems", "mm-brute", "--heights", tmp_path / "hills.txt")
+    facts = json.loads(bench(*walk, "--json").stdout)
+    assert facts["ground"]["size_m"] == pytest.approx([10, 10], abs=0.05)
+    assert facts["summary"][1]["sink_cm"] >= 0 and facts["summary"][1]["memory_ground_mb"] > 0
+    wide = json.loads(bench(*walk, "--heights-spacing", 2 * terrain.SPACING, "--json").stdout)
+    assert wide["ground"]["size_m"] == pytest.approx([20, 20], abs=0.1)
+
+
 BAD = {
     "unknown index": (("compare", "{db}", "--indexes", "nope"), "no search index 'nope'; choose from brute"),
     "unknown system": (("compare", "{db}", "--systems", "nope"), "no system 'nope'; choose from mm-brute"),
@@ -117,6 +128,9 @@ BAD = {
     "no mirroring for a database": (("compare", "{db}", "--no-mirror"), "leave out --no-mirror"),
     "rules for a database": (("coverage", "{db}", "--clips", "{text}"), "leave out --clips"),
     "excluded from a database": (("compare", "{db}", "--exclude", "run"), "is built already"),
+    "no heightmap": (("compare", "{db}", "--heights", "{no}"), "nothing-here: cannot read"),
+    "what is no heightmap": (("compare", "{db}", "--heights", "{text}"), "text.mmdb:1: 'not' is no height"),
+    "a spacing alone": (("compare", "{db}", "--heights-spacing", "1"), "give --heights FILE too"),
     "no BVH": (("reading", "{no}"), "no such file"),
     "report over a file": (("compare", "{db}", "-o", "{text}"), "cannot write: it is a file"),
     "no sources": (("compare",), "Missing argument"),

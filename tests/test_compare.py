@@ -12,8 +12,10 @@ import pytest
 
 from bench import plots, report, strips, systems, timing
 from bench.compare import DATA, compare, memory_mb
+from features import terrain, terrain_made
 from mm import quality
 from mm.build import build
+from mm.controller import Controller
 from mm.course import Circle, Course, VelocityKey, Waypoint, load
 from mm.driver import Driver
 from mm.driving import natural_seconds
@@ -234,6 +236,74 @@ def test_equal_runs_are_asked_and_judged_once(database, monkeypatch):
         pd.testing.assert_series_equal(numbers.iloc[course], numbers.iloc[6 + course], check_names=False)
         assert numbers.iloc[4 + course]["speed_ratio"] < 0.6 * numbers.iloc[course]["speed_ratio"]
     assert [t.system for t in result.traces] == list(result.courses["system"])
+
+
+HILLS = replace(terrain_made.make(4, "hills", size=(10, 10)), name="hills.txt")
+
+
+@pytest.fixture(scope="module")
+def uneven(database):
+    return compare(
+        database, courses=["circle"], systems=["mm-brute"], seconds=3, timed_seconds=0.2, ground=HILLS
+    )
+
+
+def test_level_ground_leaves_every_number_as_it_is(database, matched):
+    level = terrain.Heightmap(np.zeros((9, 9), np.float32), 2.0)
+    options = {"courses": ["circle", "start-stop"], "seconds": 3, "timed_seconds": 0.1}
+    found = compare(database, systems=["mm-brute*"], ground=level, **options)
+    for table in ("summary", "courses"):
+        plain, put = getattr(matched, table), getattr(found, table)
+        more = {"sink_cm", "sink_p99_cm", "hover_cm", "memory_ground_mb", "ground_us"}
+        assert set(put) - set(plain) == more
+        same = [c for c in plain if not c.endswith("_us") and c != "memory_mb"]
+        pd.testing.assert_frame_equal(put[same], plain[same])
+    assert all(trace.same(other) for trace, other in zip(matched.traces, found.traces, strict=True))
+
+
+def test_on_hills_feet_stand_and_ways_are_those_of_the_plane(uneven, matched):
+    for column in ("path_cm", "speed_ratio", "heading_deg"):
+        assert cell(uneven, "mm-brute", column) == cell(matched, "mm-brute", column, "circle")
+    for name, most in (("sink_cm", 0.5), ("hover_cm", 1.0)):
+        assert 0 <= cell(uneven, "mm-brute", name) < most and cell(uneven, DATA, name) < most
+    assert cell(uneven, "mm-brute", "sink_cm") < cell(uneven, "mm-brute", "sink_p99_cm") < 5
+    assert cell(uneven, "mm-brute", "ground_us") > 0
+    heights = uneven.traces[0].poses[:, 0, 1]
+    assert np.ptp(heights) > 0.1
+
+
+def test_the_report_says_what_was_walked_on(uneven, tmp_path):
+    assert any("hills.txt: 10.0 x 10.0 m" in note for note in uneven.notes)
+    report.save(uneven, tmp_path, command="")
+    facts = json.loads((tmp_path / "summary.json").read_text())
+    assert facts["ground"]["name"] == "hills.txt" and facts["summary"][1]["sink_cm"] >= 0
+    words = " ".join(Page((tmp_path / "report.html").read_text("utf-8")).text)
+    assert "hills.txt" in words and "the ground beneath it" in words and "ground, m" in words
+    assert {"sink cm", "hover cm"} <= set(report.brief(uneven.summary)[0])
+
+
+def test_who_sees_the_ground_is_told_of_it_and_others_are_put_on_it(database):
+    told = []
+
+    def seeing(database, count, *, obstacles=(), **seen):
+        told.append(seen)
+        return Controller(database, count=count)
+
+    entries = [
+        systems.Entry("blind", seeing),
+        systems.Entry("seeing", seeing, sees_ground=True),
+        systems.Entry("footless", lambda db, n, obstacles=(): Obedient(db, n, "footless")),
+    ]
+    small = replace(HILLS, heights=HILLS.heights[:60, :60], origin=None)
+    found = compare(database, courses=[STRAIGHT], systems=entries, seconds=2, timed_seconds=0.1, ground=small)
+    assert told == [{}, {"ground": small}]
+    assert list(found.courses["system"]) == ["blind", "seeing"]
+    assert any("footless is left out: footless tells nothing of its feet" in note for note in found.notes)
+    # It walks 4 m away from the middle of a ground of 2.3 m.
+    assert any("% of the ways lie beyond the edges" in note for note in found.notes)
+    # Poses that were not made for the ground do not rise with it, when they are said to have been.
+    heights = [trace.poses[:, 0, 1] for trace in found.traces]
+    assert np.ptp(heights[0]) > 0.05 and np.ptp(heights[1]) < 1e-6
 
 
 def test_registered_systems_are_chosen_by_name_family_and_pattern(monkeypatch):
