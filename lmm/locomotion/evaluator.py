@@ -16,6 +16,7 @@ from ..evaluator import Products, bfloat16_pairs, cache_aligned, check_products
 from ..lanes import GROUP, LANES, PANEL, TALL
 from ..network import NORMALISATION
 from . import layers as kernels
+from .network import UNSEEN
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,9 +44,11 @@ def pack(
 ) -> Packed:
     """Lay sets out for the kernels: of each layer weights [sets, inputs, outputs] and biases [sets, outputs].
 
-    ends holds the normalisation, by `lmm.network.NORMALISATION`.
+    ends holds the normalisation, by `lmm.network.NORMALISATION`. Inputs that shall not be seen have an
+    infinite deviation here, and are exactly 0 in units of it: a row that goes by itself passes over them.
     """
-    packed, numbers, layers, at = [], [ends["input_mean"], ends["input_std"]], [], 0
+    deviations = np.where(ends["input_std"] > UNSEEN, np.inf, ends["input_std"])
+    packed, numbers, layers, at = [], [ends["input_mean"], deviations], [], 0
     paired = products == "bfloat16"
     for layer, (weight, bias) in enumerate(zip(weights, biases, strict=True)):
         sets, inputs, outputs = weight.shape

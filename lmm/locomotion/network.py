@@ -15,6 +15,7 @@ from motion.errors import UserError
 from ..network import NORMALISATION
 
 Array = NDArray[np.float32]
+UNSEEN = 1e6  # inputs of a larger deviation, whose units are metres and seconds, are not to be seen
 WeightType = Literal["float32", "float16"]
 
 
@@ -22,7 +23,8 @@ WeightType = Literal["float32", "float16"]
 class MixedNetwork:
     """y = output_mean + output_std f((x - input_mean) / input_std), layers of x W + b of mixed W and b.
 
-    ELU stands between layers. Inputs that a network shall not see have a very large standard deviation.
+    ELU stands between layers. Inputs that a network shall not see have a very large standard deviation, above
+    `UNSEEN`.
 
     Attributes
     ----------
