@@ -13,6 +13,8 @@ from lmm.mann.network import MannNetwork
 from mm.description import Description
 
 GATE = 12  # width of the gate's hidden layers
+# Forward and up without a direction: nothing, one alone, along each other.
+NOWHERE = [0] * 6, [0, 0, 1, 0, 0, 0], [0, 0, 0, 0, 1, 0], [0, 1, 0, 0, 1, 0], [1, 1, 0, -1, -1, 0]
 
 
 def network(*sizes: int, experts: int = 4, columns: np.ndarray | None = None, seed: int = 0) -> MannNetwork:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from mann_models import NOWHERE
 from scipy.spatial.transform import Rotation
 
 from lmm.mann.layout import Inputs, Layout, Outputs, from_axes, to_axes
@@ -100,7 +101,18 @@ def test_what_is_no_rotation_becomes_one_that_keeps_forward() -> None:
     given = numbers(rng, 9, 6)
     kept = to_axes(from_axes(given))[:, :3]
     np.testing.assert_allclose(kept, given[:, :3] / np.linalg.norm(given[:, :3], axis=1)[:, None], atol=1e-5)
-    assert np.isfinite(from_axes(np.zeros((1, 6), np.float32))).all()
+
+
+@pytest.mark.parametrize("axes", NOWHERE)
+def test_vectors_without_direction_turn_nothing(axes: list[int]) -> None:
+    np.testing.assert_array_equal(from_axes(np.float32([axes])), [[1, 0, 0, 0]])
+
+
+@pytest.mark.parametrize("place", range(6))
+def test_what_is_no_number_stays_none(place: int) -> None:
+    axes = np.float32([0, 0, 1, 0, 1, 0])
+    axes[place] = np.nan
+    assert np.isnan(from_axes(axes)).all()
 
 
 def test_the_gate_sees_ends_speed_and_gaits_of_now() -> None:

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from motion import quat
 
+from ..layout import rotations
 from ..locomotion.layout import BlockLayout
 from ..locomotion.window import FUTURE, GAITS, PRESENT, SAMPLES, slices
 
@@ -148,13 +149,8 @@ def to_axes(rotations: NDArray) -> NDArray:
 def from_axes(axes: NDArray) -> NDArray:
     """Rotations [..., 4] of vectors [..., 6], forward and up; up gives way if they are no right angle.
 
-    Vectors that are 0 or lie along each other give some rotation.
+    Vectors that are 0 or lie along each other turn nothing; what is no number stays none.
     """
     forward, up = axes[..., :3], axes[..., 3:]
-    left = _unit(np.cross(up, forward))
-    up = _unit(np.cross(forward, left))
-    return quat.normalize(quat.from_matrix(np.stack([left, up, np.cross(left, up)], axis=-1)))
-
-
-def _unit(vectors: NDArray) -> NDArray:
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-8)
+    left = np.cross(up, forward)
+    return rotations(np.stack([left, np.cross(forward, left)], axis=-1))
