@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from features.terrain import Ground
-from motion.errors import UserError
+from motion.errors import NotFinite, UserError
 from motion.skeleton import Skeleton
 
 from . import ground_kernels, ground_kernels_numpy
@@ -73,7 +73,7 @@ class GroundFeet:
         """Change poses, local positions [N, J, 3] and rotations [N, J, 4], in place; contacts [N, C].
 
         Once a frame. The arrays must not be those that the system goes on from. A ground that gives other
-        than a finite height for each place is a UserError.
+        than a finite height for each place is a UserError, and poses without a place `NotFinite`.
         """
         legs, places = self._legs, self._places
         self._kernels.locate(
@@ -82,6 +82,8 @@ class GroundFeet:
         )  # fmt: skip
         grounds = np.ascontiguousarray(self.ground(places[..., 0], places[..., 1]), np.float32)
         if grounds.shape != places.shape[:-1] or not np.isfinite(grounds).all():
+            if not np.isfinite(places).all():
+                raise NotFinite("poses that are no numbers cannot be put on a ground")
             wrong = f"heights {grounds.shape}" if grounds.shape != places.shape[:-1] else "no finite heights"
             raise UserError(
                 f"a ground gives {wrong} for x and z {places.shape[:-1]}", remedy="check its function"

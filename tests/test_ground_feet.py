@@ -9,7 +9,7 @@ from mm.build import build
 from mm.description import Description
 from mm.ground_feet import GroundFeet
 from motion import kinematics, quat
-from motion.errors import UserError
+from motion.errors import NotFinite, UserError
 
 FPS = 60.0
 HILLS = terrain_made.make(4, "hills", size=(30, 30))
@@ -276,4 +276,12 @@ def test_a_ground_that_is_none(database, legs, ground, message):
     positions, rotations, contacts = frames(database, "stand", 1)
     feet = GroundFeet(database.skeleton, legs, FPS, 1, ground=ground)
     with pytest.raises(UserError, match=message):
+        feet.apply(contacts, positions, rotations)
+
+
+def test_poses_that_are_no_numbers_are_told_from_grounds_that_are_none(database, legs):
+    positions, rotations, contacts = frames(database, "stand", 1)
+    positions[:, 0] = np.nan
+    feet = GroundFeet(database.skeleton, legs, FPS, 1, ground=HILLS)
+    with pytest.raises(NotFinite, match="poses that are no numbers"):
         feet.apply(contacts, positions, rotations)

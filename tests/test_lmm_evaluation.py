@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from features import terrain, terrain_made
 from lmm.cli import main
 from lmm.evaluation import decompressor, driving, evaluate, pictures, projector, report, stepper
 from lmm.model import Model
@@ -507,9 +508,10 @@ def _run(*arguments: object):
 def test_the_command_prints_and_saves(stored, tmp_path, monkeypatch):
     monkeypatch.setattr(evaluate, "QUICK", BRIEF)
     asked = [stored / "walk.mmdb", stored / "walk.lmm", "--quick", "--seconds", 1]
-    result = _run(*asked, "-o", tmp_path / "out")
+    terrain.save(tmp_path / "hills.txt", terrain_made.make(4, "hills", size=(10, 10)))
+    result = _run(*asked, "-o", tmp_path / "out", "--heights", tmp_path / "hills.txt")
     assert result.exit_code == 0, result.output
-    for text in ("held out", "projector", "lmm-SD", "good enough?", "random commands"):
+    for text in ("held out", "projector", "lmm-SD", "good enough?", "random commands", "hills.txt: 10.0 x"):
         assert text in result.stdout
     saved = json.loads((tmp_path / "out" / "evaluation.json").read_text())
     assert {path.name for path in Path(tmp_path, "out").iterdir()} == {
@@ -519,6 +521,10 @@ def test_the_command_prints_and_saves(stored, tmp_path, monkeypatch):
     printed = json.loads(_run(*asked, "--json", "--minutes", 0.01, "--seed", 3).stdout)
     assert set(printed) == set(saved) and printed["endurance"]["minutes"] == pytest.approx(0.01, rel=0.05)
     assert printed["decompressor"] == saved["decompressor"]
+    uneven, level = ({row["system"]: row for row in found["systems"]} for found in (saved, printed))
+    assert printed["ground"] is None and saved["ground"]["size_m"] == pytest.approx([10, 10], abs=0.05)
+    assert "sink_cm" not in level["mm"] and 0 <= uneven["mm"]["sink_cm"] < 1 and uneven["mm"]["hover_cm"] < 1
+    assert uneven["mm"]["path_cm"] == level["mm"]["path_cm"]
     assert printed["projector"] != saved["projector"]
 
 
@@ -529,6 +535,27 @@ def test_a_model_of_another_database_is_one_line(stored, tmp_path, options, monk
     result = _run(tmp_path / "other.mmdb", stored / "walk.lmm")
     lines = result.stderr.splitlines()
     assert result.exit_code == 2 and len(lines) == 1 and lines[0].startswith("error: "), result.output
+
+
+def test_a_heightmap_that_is_none_is_told_before_the_work(stored, monkeypatch):
+    monkeypatch.setattr(evaluate, "evaluate", lambda *a, **b: pytest.fail("it began to work"))
+    files = stored / "walk.mmdb", stored / "walk.lmm"
+    for options, message in (
+        (("--heights", stored / "none.txt"), "none.txt: cannot read"),
+        (("--heights-spacing", 1), "give --heights FILE too"),
+    ):
+        result = _run(*files, *options)
+        assert result.exit_code == 2 and message in result.stderr, result.output
+
+
+def test_who_breaks_on_a_ground_is_said_to_have_broken(database, exact):
+    hills = terrain_made.make(4, "hills", size=(10, 10))
+    growing = lmm_models.layer(1e4 * np.eye(exact.F + exact.L), np.ones(exact.F + exact.L))
+    judge = driving.Judge(database, ("circle",), seconds=3, ground=hills)
+    with np.errstate(over="ignore", invalid="ignore"):
+        (system,) = driving.systems(replace(exact, stepper=growing), database, ["PSD"], ground=hills)
+        row = judge.judge(system, judge.courses[0])
+    assert row == {"system": "lmm-PSD", "course": "circle", "broke": True}
 
 
 def test_a_folder_that_is_a_file_is_refused_before_the_work(stored, tmp_path, monkeypatch):

@@ -13,11 +13,13 @@ import pfnn_models
 import pytest
 from click.testing import CliRunner
 
+from features import terrain, terrain_made
 from features.labels import Labels
 from lmm.cli import main
-from lmm.evaluation import cost, evaluate, frames, free_runs, locomotion, pictures, report
+from lmm.evaluation import cost, driving, evaluate, frames, free_runs, locomotion, pictures, report
 from lmm.locomotion.labelling import labels_of
 from lmm.pfnn.network import PhaseNetwork
+from mm.ground_feet import GroundFeet
 from motion import console, quat
 from motion.errors import Note, UserError
 
@@ -279,6 +281,30 @@ def test_the_whole_judgement_of_each_kind(make, database, tmp_path, capsys, monk
     assert set(pictures.all_of(found)) == {path.name for path in written} - {"evaluation.json"}
 
 
+def test_a_network_that_knows_grounds_is_told_of_the_one_it_is_judged_on(database, monkeypatch):
+    follows = []
+
+    class Feet(GroundFeet):
+        def __init__(self, *arguments: Any, **options: Any) -> None:
+            follows.append(options["follow"])
+            super().__init__(*arguments, **options)
+
+    monkeypatch.setattr("mm.grounded.GroundFeet", Feet)
+    hills = terrain_made.make(4, "hills", size=(10, 10))
+    judge = driving.Judge(database, ("circle",), seconds=1, ground=hills)
+    for knows in (True, False):
+        model = pfnn_models.model()
+        model.network.input_mean[model.layout.inputs["heights"]] = 0.1 * knows
+        rows = [
+            judge.judge(system, judge.courses[0])
+            for system in locomotion.systems(model, database, count=1, ground=hills)
+        ]
+        assert [row["system"] for row in rows] == ["mm", "pfnn", "mm-free", "pfnn-free"]
+        assert all(row["sink_cm"] >= 0 for row in rows)
+        assert follows == [True, not knows] * 2
+        follows.clear()
+
+
 def test_who_takes_no_step_has_died_out(database, monkeypatch):
     """A network that stands in one pose, and is carried along in it."""
     model = pfnn_models.model()
@@ -304,11 +330,15 @@ def test_the_command_judges_what_the_file_holds(database, tmp_path):
     pfnn_models.model().save(tmp_path / "a.pfnn")
     mann_models.model().save(tmp_path / "b.mann")
     lmm_models.model(database).save(tmp_path / "c.lmm")
+    terrain.save(tmp_path / "hills.txt", terrain_made.make(4, "hills", size=(10, 10)))
     files = tmp_path / "db", tmp_path / "a.pfnn"
     told = run(
-        *files, "--quick", "--seconds", 0.5, "--minutes", 0.01, "--json", "--against", tmp_path / "b.mann"
+        *(*files, "--quick", "--seconds", 0.5, "--minutes", 0.01, "--json"),
+        *("--against", tmp_path / "b.mann", "--heights", tmp_path / "hills.txt"),
     )
     found = json.loads(told.stdout)
+    assert found["ground"]["size_m"] == pytest.approx([10, 10], abs=0.05)
+    assert {"sink_cm", "hover_cm"} <= set(found["systems"][1])
     assert found["kind"] == "pfnn" and found["command"].startswith("python -m lmm")
     assert found["against"]["model"]["fingerprint"] != found["model"]["fingerprint"]
 

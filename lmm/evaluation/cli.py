@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from mm import options
 from motion import console, files
 from motion.errors import UserError
 
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
     metavar="FOLDER",
     help="Labels that the model was trained with, where some were corrected by hand.",
 )
+@options.on_heights
 @click.option("--seed", type=click.IntRange(0), help="Of random users, starts and queries.  [default: 20000]")
 @console.json_option
 def evaluate(
@@ -56,6 +58,8 @@ def evaluate(
     quick: bool,
     against: str | None,
     labels: str | None,
+    heights: str | None,
+    heights_spacing: float | None,
     seed: int | None,
     as_json: bool,
 ) -> None:
@@ -69,6 +73,8 @@ def evaluate(
     Of a phase-functioned or mode-adaptive network: one step and free runs under the true trajectory, on
     training clips and on held-out ones; the relative error by file, as the thesis has it; what a frame
     costs; courses and ten minutes as above: does it die out, or leave the path?
+
+    With --heights courses go over uneven ground, as those of `lmm run` do.
     """
     from lmm import models
     from mm.database import Database
@@ -78,19 +84,27 @@ def evaluate(
 
     folder = None if output is None else Path(output)
     if folder is not None:
-        files.check_output(folder / "evaluation.json", inputs=[db, model, against])
+        files.check_output(folder / "evaluation.json", inputs=[db, model, against, heights])
     plan = evaluating.QUICK if quick else evaluating.Plan()
     if seconds is not None:
         plan = replace(plan, seconds=seconds, mixed_seconds=min(seconds, plan.mixed_seconds))
     if minutes is not None:
         plan = replace(plan, minutes=minutes)
+    ground = options.heightmap(heights, heights_spacing)
     judged, database = models.load(model), Database.load(db)
     seed = evaluating.SEED if seed is None else seed
     if isinstance(judged, models.LocomotionModel):
         judged.check(database, model)
         other = None if against is None else _other(against, database)
         found = locomotion.evaluate(
-            judged, database, plan, labels=labels, against=other, seed=seed, progress=console.progress
+            judged,
+            database,
+            plan,
+            labels=labels,
+            against=other,
+            ground=ground,
+            seed=seed,
+            progress=console.progress,
         )
     else:
         for flag, given in (("--against", against), ("--labels", labels)):
@@ -98,7 +112,9 @@ def evaluate(
                 what = f"{flag} is for networks of locomotion, and this is a model of {models.TITLES['lmm']}"
                 raise UserError(what, path=model, remedy="leave it out")
         judged.check(database, model)
-        found = evaluating.evaluate(judged, database, plan, seed=seed, progress=console.progress)
+        found = evaluating.evaluate(
+            judged, database, plan, ground=ground, seed=seed, progress=console.progress
+        )
     command = shlex.join(["python", "-m", "lmm", *sys.argv[1:]])
     if as_json:
         console.print_json({"command": command, **found})

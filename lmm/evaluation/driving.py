@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from features.terrain import Ground
 from lmm.controller import controller
 from lmm.model import Model
 from mm import course as courses
@@ -18,6 +19,7 @@ from mm.controller import Controller
 from mm.course import Course
 from mm.database import Database
 from mm.driving import Clock, at_data_speeds, drive, natural_seconds
+from mm.grounded import on_ground
 from mm.nearness import RealPoses
 from mm.settings import Settings
 from motion import console, contacts
@@ -34,10 +36,15 @@ WORST = ("pop_cm", "path_max_cm", "stall_s")  # of these a system's row has the 
 
 
 class Judge:
-    """Drives systems over courses and judges what they do; one for all systems of a database."""
+    """Drives systems over courses and judges what they do; one for all systems of a database.
 
-    def __init__(self, database: Database, names: Sequence[str], *, seconds: float) -> None:
-        self._feet, self._real = quality.Feet.of(database), RealPoses(database)
+    ground : what the systems that it is given have been put on, if they have.
+    """
+
+    def __init__(
+        self, database: Database, names: Sequence[str], *, seconds: float, ground: Ground | None = None
+    ) -> None:
+        self._feet, self._real, self._ground = quality.Feet.of(database), RealPoses(database), ground
         self._scaled = partial(at_data_speeds, database=database)
         self.take(names, seconds=seconds)
 
@@ -65,7 +72,13 @@ class Judge:
         if not all(np.isfinite(tape[name]).all() for name in ("positions", "rotations")):
             return named | {"broke": True}
         row, _ = quality.judge(
-            tape.arrays, system.skeleton, system.fps, self._feet, tape.path, course=course.name
+            tape.arrays,
+            system.skeleton,
+            system.fps,
+            self._feet,
+            tape.path,
+            course=course.name,
+            ground=self._ground,
         )
         return named | {
             "seconds": len(tape) / system.fps,
@@ -99,8 +112,9 @@ def systems(
     count: int = 1,
     latents: Array | None = None,
     locked: bool = True,
+    ground: Ground | None = None,
 ) -> Iterator[Any]:
-    """Characters driven by each mixture of stages: "PSD" is the model, "" motion matching, mm.
+    """Characters driven by each mixture of stages: "PSD" is the model, "" motion matching, mm; on a ground.
 
     Feet are held where that is asked for and the skeleton has whole legs; else names end in -free. Those that
     cannot begin are `Lost`.
@@ -110,7 +124,8 @@ def systems(
     for letters in learned:
         name = (f"lmm-{letters}" if letters else "mm") + ("" if settings.foot_lock else "-free")
         try:
-            yield controller(
+            make = partial(
+                controller,
                 model,
                 count=count,
                 learned=letters,
@@ -120,6 +135,7 @@ def systems(
                 settings=settings,
                 name=name,
             )
+            yield on_ground(make, ground)
         except NotFinite as error:
             yield Lost(name, count, model.description.fps, error)
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from features.terrain import Heightmap
 from lmm.mixtures import COMBINATIONS
 from lmm.model import Model
 from mm import queries as recorded
@@ -67,6 +69,7 @@ def evaluate(
     database: Database,
     plan: Plan = Plan(),
     *,
+    ground: Heightmap | None = None,
     seed: int = SEED,
     progress: Callable[..., Iterator[Any]] = console.silent,
 ) -> dict[str, Any]:
@@ -78,16 +81,22 @@ def evaluate(
         of the training and the held-out clips.
     courses, systems : rows of the model and of motion matching, feet held and not (`driving.Judge`).
     mixtures : a row for each mixture of learned and classical stages, over fewer courses.
+    ground : facts of what is walked on there, where that is given; all else is of level ground.
     endurance : `driving.endure`.
     targets : what is good enough, what was found, and whether it is met.
     """
     model.check(database)
     with np.errstate(over="ignore", invalid="ignore"):  # networks that run away are told of, not warned of
-        return plain(_measured(model, database, plan, seed, progress))
+        return plain(_measured(model, database, plan, ground, seed, progress))
 
 
 def _measured(
-    model: Model, database: Database, plan: Plan, seed: int, progress: Callable[..., Iterator[Any]]
+    model: Model,
+    database: Database,
+    plan: Plan,
+    ground: Heightmap | None,
+    seed: int,
+    progress: Callable[..., Iterator[Any]],
 ) -> dict[str, Any]:
     latents = model.latents(database)
     trained = model.training_ranges(database)
@@ -95,6 +104,7 @@ def _measured(
     if not trained.all():
         parts["held_out"] = ~trained
     found: dict[str, Any] = {"database": about(database), "model": _about_model(model)}
+    found["ground"] = ground and ground.facts()
     found["decompressor"] = {
         name: decompressor.errors(model, database, latents, ranges=ranges)
         for name, ranges in progress(
@@ -114,7 +124,7 @@ def _measured(
         name: projector.errors(model, database, queries, latents)
         for name, queries in progress(list(kinds.items()), label="projector", unit="kinds of queries")
     }
-    found |= _driven(model, database, plan, latents, progress)
+    found |= _driven(model, database, plan, latents, ground, progress)
     found["endurance"] = driving.endure(
         model,
         database,
@@ -128,22 +138,26 @@ def _measured(
 
 
 def _driven(
-    model: Model, database: Database, plan: Plan, latents: NDArray, progress: Callable[..., Iterator[Any]]
+    model: Model,
+    database: Database,
+    plan: Plan,
+    latents: NDArray,
+    ground: Heightmap | None,
+    progress: Callable[..., Iterator[Any]],
 ) -> dict[str, Any]:
-    judge = driving.Judge(database, plan.courses, seconds=plan.seconds)
+    judge = driving.Judge(database, plan.courses, seconds=plan.seconds, ground=ground)
+    driven = partial(driving.systems, model, database, count=plan.each, latents=latents, ground=ground)
     jobs = [
         (system, course)
         for locked in ((True, False) if model.description.legs is not None else (False,))
-        for system in driving.systems(
-            model, database, ("", "PSD"), count=plan.each, latents=latents, locked=locked
-        )
+        for system in driven(("", "PSD"), locked=locked)
         for course in judge.courses
     ]
     rows = [judge.judge(*job) for job in progress(jobs, label="courses", unit="runs")]
     judge.take(plan.mixed, seconds=plan.mixed_seconds)
     mixtures = []
     for system in progress(
-        driving.systems(model, database, COMBINATIONS, count=plan.each, latents=latents),
+        driven(COMBINATIONS),
         label="mixtures",
         total=len(COMBINATIONS),
         unit="systems",

@@ -5,11 +5,13 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from features.terrain import Ground, Heightmap
 from lmm import models
 from lmm.locomotion import given_labels
 from lmm.locomotion.labelling import labels_of
@@ -20,6 +22,7 @@ from mm import metrics, quality
 from mm import queries as recorded
 from mm.controller import Controller
 from mm.database import Database
+from mm.grounded import on_ground
 from mm.settings import Settings
 from motion import console
 from motion.errors import Note
@@ -55,6 +58,7 @@ def evaluate(
     *,
     labels: str | os.PathLike[str] | None = None,
     against: LocomotionModel | None = None,
+    ground: Heightmap | None = None,
     seed: int = SEED,
     progress: Progress = console.silent,
 ) -> dict[str, Any]:
@@ -67,6 +71,7 @@ def evaluate(
         (`mm.metrics.significance`); only where one is given.
     costs : `cost.costs`.
     courses, systems : rows of the model and of motion matching, feet held and not (`driving.Judge`).
+    ground : facts of what is walked on there, where that is given; all else is of level ground.
     endurance : `driving.last`; what a network goes on from are its joints in root space.
     targets : what is good enough, what was found, and whether it is met.
 
@@ -81,12 +86,13 @@ def evaluate(
             "kind": model.family,
             "database": about(database),
             "model": _about_model(model),
+            "ground": ground and ground.facts(),
         }
         found |= _frames(truth, plan, progress)
         if against is not None:
             found["against"] = compared(found["files"], truth_of(against, database, labels))
         found["costs"] = cost.costs(model, database, seconds=min(cost.SECONDS, plan.seconds))
-        found |= _driven(model, database, plan, progress)
+        found |= _driven(model, database, plan, ground, progress)
         found["endurance"] = endure(model, database, plan, seed=seed, progress=progress)
     found["targets"] = targets(found)
     return plain(found)
@@ -134,22 +140,30 @@ def compared(files: list[dict[str, Any]], other: one_step.Truth) -> dict[str, An
     }
 
 
-def _driven(model: LocomotionModel, database: Database, plan: Plan, progress: Progress) -> dict[str, Any]:
-    judge = driving.Judge(database, plan.courses, seconds=plan.seconds)
-    jobs = [(s, course) for s in systems(model, database, count=plan.each) for course in judge.courses]
+def _driven(
+    model: LocomotionModel, database: Database, plan: Plan, ground: Heightmap | None, progress: Progress
+) -> dict[str, Any]:
+    judge = driving.Judge(database, plan.courses, seconds=plan.seconds, ground=ground)
+    driven = systems(model, database, count=plan.each, ground=ground)
+    jobs = [(system, course) for system in driven for course in judge.courses]
     rows = [judge.judge(*job) for job in progress(jobs, label="courses", unit="runs")]
     return {"courses": rows, "systems": driving.summary(rows)}
 
 
-def systems(model: LocomotionModel, database: Database, *, count: int) -> Iterator[Any]:
-    """Motion matching and the network, feet held where legs are whole, then both with their feet free."""
+def systems(
+    model: LocomotionModel, database: Database, *, count: int, ground: Ground | None = None
+) -> Iterator[Any]:
+    """Motion matching and the network, feet held where legs are whole, then both with their feet free; on a
+    ground, of which a network that knows grounds is told."""
     index = recorded.index_of(database)
     (_, make), *_ = models.controllers(model).items()
     for locked in (True, False) if model.description.legs is not None else (False,):
         free = "" if locked else "-free"
-        settings = Settings(foot_lock=locked)
-        yield Controller(database, count=count, settings=settings, index=index, name=f"mm{free}")
-        yield make(count=count, settings=LocomotionSettings(foot_lock=locked), name=f"{model.family}{free}")
+        settings, of_network = Settings(foot_lock=locked), LocomotionSettings(foot_lock=locked)
+        matching = partial(Controller, database, settings=settings, index=index, name=f"mm{free}")
+        network = partial(make, settings=of_network, name=f"{model.family}{free}")
+        yield on_ground(partial(matching, count=count), ground)
+        yield on_ground(partial(network, count=count), ground, sees=model.sees_ground)
 
 
 def endure(

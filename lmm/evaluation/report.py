@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from features import terrain
 from motion import console, files
 
 from .pictures import KINDS, PARTS, all_of
@@ -14,6 +15,9 @@ from .pictures import KINDS, PARTS, all_of
 # Of the rows of systems: column, title, digits after the point.
 COLUMNS = (
     ("skate_cm_s", "skate cm/s", 2),
+    ("sink_cm", "sink cm", 2),
+    ("sink_p99_cm", "sink p99", 1),
+    ("hover_cm", "hover cm", 2),
     ("path_cm", "path cm", 2),
     ("path_max_cm", "path max", 1),
     ("heading_deg", "heading °", 1),
@@ -31,8 +35,8 @@ COLUMNS = (
     ("broke", "broke", 0),
 )
 BRIEF = (
-    *("broke", "skate_cm_s", "path_cm", "path_max_cm", "heading_deg", "jerk_m_s3", "real_cm", "speed_ratio"),
-    *("stall_s", "frame_us"),
+    *("broke", "skate_cm_s", "sink_cm", "sink_p99_cm", "hover_cm", "path_cm", "path_max_cm", "heading_deg"),
+    *("jerk_m_s3", "real_cm", "speed_ratio", "stall_s", "frame_us"),
 )
 
 
@@ -65,6 +69,8 @@ def show(found: dict[str, Any], name: str) -> None:
     for title, rows in tables.items():
         console.print_table(rows, title=title)
         print()
+    if found["ground"]:
+        print(f"over courses {terrain.told(found['ground'])}; all else is of level ground")
     print(lasting(found["endurance"]))
 
 
