@@ -203,8 +203,3 @@ class Evaluator:
     def nbytes(self) -> int:
         """Bytes of weights, scales, biases and normalisation, as they stand in memory."""
         return self.packed.nbytes
-
-    @property
-    def scratch_nbytes(self) -> int:
-        """Bytes that evaluation works in, outputs included."""
-        return sum(array.nbytes for array in (*self._scratch, self._outputs))

@@ -8,7 +8,7 @@ import pytest
 
 from lmm.evaluator import products_here
 from lmm.locomotion import layers
-from lmm.pfnn import kernels, spline
+from lmm.pfnn import kernels, kernels_numpy, spline
 from lmm.pfnn.evaluator import PhaseEvaluator
 from motion.errors import UserError
 
@@ -74,10 +74,11 @@ def test_bfloat16_products_are_those_of_rounded_numbers(mode: spline.Mode) -> No
     assert evaluator.memory()["network"] == network.weight_bytes(mode) // 2
 
 
-def test_rows_are_sorted_by_set() -> None:
+@pytest.mark.parametrize("twin", [kernels, kernels_numpy])
+def test_rows_are_sorted_by_set(twin) -> None:
     first = np.random.default_rng(1).integers(0, 10, 300)
     order, ends = np.zeros(300, np.int64), np.zeros(10, np.int64)
-    kernels.sort(first, 10, order, ends)
+    twin.sort(first, order, ends)
     np.testing.assert_array_equal(order, np.argsort(first, kind="stable"))
     np.testing.assert_array_equal(ends, np.cumsum(np.bincount(first, minlength=10)))
 
@@ -106,9 +107,12 @@ def test_memory_is_that_of_the_sets_and_what_pads_them() -> None:
 def test_other_batches_than_it_has_room_for_are_refused() -> None:
     network = pfnn_models.network(9, 12, 7)
     evaluator = PhaseEvaluator(network, count=2)
-    for x, phases in ((np.zeros((3, 9)), np.zeros(3)), (np.zeros((2, 8)), np.zeros(2)),
-                      (np.zeros((2, 9)), np.zeros(1))):  # fmt: skip
-        with pytest.raises(ValueError, match="expected up to 2 of 9"):
-            evaluator.evaluate(x.astype(np.float32), phases.astype(np.float32))
+    for shape, phases, message in (
+        ((3, 9), 3, "expected up to 2 of 9"),
+        ((2, 8), 2, "expected up to 2 of 9"),
+        ((2, 9), 1, "expected one for each of 2"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            evaluator.evaluate(np.zeros(shape, np.float32), np.zeros(phases, np.float32))
     with pytest.raises(UserError, match="no phase mode"):
         PhaseEvaluator(network, mode="quartic")  # type: ignore[arg-type]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from .. import tiles
 from ..evaluator import Products, bfloat16_pairs, cache_aligned, check_products
 from ..lanes import GROUP, LANES, PANEL, TALL
 from ..network import NORMALISATION
-from . import layers as kernels
+from . import layers, layers_numpy
 from .network import UNSEEN
 
 
@@ -76,6 +77,8 @@ def pack(
 class MixedEvaluator:
     """What evaluators of mixed weights have in common: packed sets, and room for so many rows.
 
+    A network's own is what sets count for each row: its `evaluate` writes that, and the order of the rows.
+
     Parameters
     ----------
     network : what holds the normalisation.
@@ -101,6 +104,10 @@ class MixedEvaluator:
         if products == "bfloat16x2":
             raise UserError("products of type bfloat16x2 are not for mixed weights", remedy="take bfloat16")
         paired = products == "bfloat16"
+        twin = layers if compiled else layers_numpy
+        self._mixed: Any = twin.evaluate
+        if paired:
+            self._mixed = partial(twin.evaluate_pairs, compiled and tiles.permitted())
         self.inputs, self.outputs = weights[0].shape[1], weights[-1].shape[2]
         self.packed = packed = pack(
             weights, biases, {name: getattr(network, name) for name in NORMALISATION}, products
@@ -109,9 +116,12 @@ class MixedEvaluator:
         if paired:
             self.weight_bytes = 2 * sum(array.size for array in (*weights, *biases))
         self._sets, self._used = len(weights[0]), used
+        # What the sets that it needs count for a row; rows by their first set, and where each set's rows end.
+        self._shares = np.zeros((count, used), np.float32)
+        self._order, self._ends = np.arange(count), np.zeros(self._sets, np.int64)
         depth, panels = int(packed.layers[:, 4].max()) * (1 + paired), int(packed.layers[:, 1].max())
         group = tiles.TALL_TILES if paired else TALL
-        block = min(kernels.BLOCK, -(-count // group) * group)
+        block = min(layers.BLOCK, -(-count // group) * group)
         # Rows that begin a cache line further than a power of two, lest they fall into the same few sets.
         width, wide = (-(-n // PANEL) * PANEL + LANES for n in (max(depth, panels * PANEL), used * depth))
         self._scratch = (
@@ -120,8 +130,21 @@ class MixedEvaluator:
             np.zeros(used * depth * PANEL, np.float32),
             np.zeros(used * depth + 1, np.int32),
         )
-        self._rows: tuple[NDArray, ...] = ()  # scratch by rows that a network needs besides
         self._y = np.zeros((count, self.outputs), np.float32)
+
+    def _check(self, x: NDArray[np.float32]) -> None:
+        """A ValueError unless there is room for inputs."""
+        if x.ndim != 2 or x.shape[1] != self.inputs or len(x) > len(self._y):
+            raise ValueError(f"inputs {x.shape}, expected up to {len(self._y)} of {self.inputs} numbers")
+
+    def _mix(self, x: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Outputs [N, O] of inputs [N, I], by the shares and the order; valid until the next call."""
+        packed, y = self.packed, self._y[: len(x)]
+        self._mixed(
+            x, self._sets, self._used, packed.layers, packed.weights, packed.numbers, self._shares[: len(x)],
+            self._order[: len(x)], self._ends, *self._scratch, y,
+        )  # fmt: skip
+        return y
 
     def memory(self) -> dict[str, int]:
         """Bytes: of the weight sets (REFERENCE 4.3), what pads them, the normalisation."""
@@ -131,8 +154,3 @@ class MixedEvaluator:
             "padding": padding,
             "statistics": self.packed.numbers.nbytes,
         }
-
-    @property
-    def scratch_nbytes(self) -> int:
-        """Bytes that evaluation works in, outputs included."""
-        return sum(array.nbytes for array in (*self._scratch, *self._rows, self._y))

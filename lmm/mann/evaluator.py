@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from functools import partial
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import tiles
 from ..evaluator import Products
 from ..locomotion.evaluator import MixedEvaluator
 from . import kernels, kernels_numpy
@@ -45,36 +41,24 @@ class MannEvaluator(MixedEvaluator):
             count=count,
             compiled=compiled,
         )
-        twin: Any = kernels if compiled else kernels_numpy
-        self._evaluate: Any = twin.evaluate
-        if products == "bfloat16":
-            self._evaluate = partial(twin.evaluate_pairs, compiled and tiles.permitted())
+        self._gate = (kernels if compiled else kernels_numpy).gate
         layers = zip(network.gate_weights, network.gate_biases, strict=True)
         parts = [np.ascontiguousarray(part) for layer in layers for part in layer]
         between = (np.zeros(width, np.float32) for width in network.gate_sizes[1:-1])
-        self._gate: tuple[NDArray, ...] = (np.ascontiguousarray(network.gate_columns), *parts, *between)
-        self._ends = np.zeros(1, np.int64)
-        # What experts count, and the order of the rows.
-        self._rows = np.zeros((count, network.experts), np.float32), np.arange(count)
+        self._of_gate: tuple[NDArray, ...] = (np.ascontiguousarray(network.gate_columns), *parts, *between)
 
     def evaluate(self, x: NDArray[np.float32]) -> NDArray[np.float32]:
         """Outputs [N, O] of inputs [N, I]; valid until the next call."""
-        count, room = len(x), len(self._y)
-        if x.shape != (count, self.inputs) or count > room:
-            raise ValueError(f"inputs {x.shape}, expected up to {room} of {self.inputs} numbers")
-        packed, y = self.packed, self._y[:count]
-        shares, order = self._rows
-        self._evaluate(
-            x, *self._gate, packed.layers, packed.weights, packed.numbers, shares[:count], order[:count],
-            self._ends, *self._scratch, y,
-        )  # fmt: skip
-        return y
+        self._check(x)
+        self._gate(x, self.packed.numbers, *self._of_gate, self._shares[: len(x)])
+        self._ends[:] = len(x)  # all rows begin with the first expert
+        return self._mix(x)
 
     @property
     def shares(self) -> NDArray[np.float32]:
         """What each expert counted in the last call [room, K], valid until the next."""
-        return self._rows[0]
+        return self._shares
 
     def memory(self) -> dict[str, int]:
         """Bytes: of the experts, what pads them, the normalisation, the gate."""
-        return super().memory() | {"gate": sum(array.nbytes for array in self._gate)}
+        return super().memory() | {"gate": sum(array.nbytes for array in self._of_gate)}

@@ -1,4 +1,4 @@
-"""A mode-adaptive network's hot loops, compiled; `lmm.mann.kernels_numpy` is the obvious twin.
+"""A mode-adaptive network's gate, compiled; `lmm.mann.kernels_numpy` is the obvious twin.
 
 Experts are weight sets of which every row needs all (`lmm.locomotion.layers`): nothing is blended, a row goes
 through all experts' products at once.
@@ -11,11 +11,8 @@ import math
 import numba
 
 from ..kernels import elu_of
-from ..locomotion import layers as mixed
 
 _jit = numba.njit(cache=True, nogil=True, error_model="numpy")
-
-_evaluate, _evaluate_pairs = mixed.evaluate, mixed.evaluate_pairs
 
 
 @_jit
@@ -57,45 +54,3 @@ def _dense(x, weights, biases, y):
         value = x[i]
         for o in range(len(y)):
             y[o] += value * weights[i, o]
-
-
-@_jit
-def evaluate(x, columns, w0, b0, w1, b1, w2, b2, h0, h1, layers, weights, numbers, shares, order, ends, work,
-             wide, panel, active, y):  # fmt: skip
-    """Write the network's outputs of x [N, I] to y [N, O], what experts count to shares [N, K].
-
-    columns to h1: see `gate`; order [N] is 0 to N - 1; layers, weights, numbers: see
-    `lmm.locomotion.evaluator.Packed`; the rest is scratch for N rows.
-    """
-    experts = shares.shape[1]
-    gate(x, numbers, columns, w0, b0, w1, b1, w2, b2, h0, h1, shares)
-    ends[0] = len(x)
-    _evaluate(
-        x, experts, experts, layers, weights, numbers, shares, order, ends, work, wide, panel, active, y
-    )
-
-
-@_jit
-def evaluate_pairs(tiles, x, columns, w0, b0, w1, b1, w2, b2, h0, h1, layers, weights, numbers, shares, order,
-                   ends, work, wide, panel, active, y):  # fmt: skip
-    """As `evaluate`, of weights in pairs, see `lmm.locomotion.layers.evaluate_pairs`; the gate is float32."""
-    experts = shares.shape[1]
-    gate(x, numbers, columns, w0, b0, w1, b1, w2, b2, h0, h1, shares)
-    ends[0] = len(x)
-    _evaluate_pairs(
-        tiles,
-        x,
-        experts,
-        experts,
-        layers,
-        weights,
-        numbers,
-        shares,
-        order,
-        ends,
-        work,
-        wide,
-        panel,
-        active,
-        y,
-    )

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from functools import partial
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import tiles
 from ..evaluator import Products
 from ..locomotion.evaluator import MixedEvaluator
 from . import kernels, kernels_numpy
 from .network import PhaseNetwork
-from .spline import SETS, USED, Mode, check_mode, sets
+from .spline import USED, Mode, check_mode, sets
 
 
 class PhaseEvaluator(MixedEvaluator):
@@ -40,35 +36,23 @@ class PhaseEvaluator(MixedEvaluator):
         compiled: bool = True,
     ) -> None:
         check_mode(mode)
-        self.mode, used = mode, USED[mode]
         super().__init__(
             network,
             [sets(weight, mode) for weight in network.weights],
             [sets(bias, mode) for bias in network.biases],
-            used=used,
+            used=USED[mode],
             weight_bytes=network.weight_bytes(mode),
             products=products,
             count=count,
             compiled=compiled,
         )
-        twin: Any = kernels if compiled else kernels_numpy
-        self._evaluate: Any = twin.evaluate
-        if products == "bfloat16":
-            self._evaluate = partial(twin.evaluate_pairs, compiled and tiles.permitted())
-        self._ends = np.zeros(SETS[mode], np.int64)
-        # First sets, shares, order of the rows.
-        self._rows = np.zeros(count, np.int64), np.zeros((count, used), np.float32), np.zeros(count, np.int64)
+        self._share = (kernels if compiled else kernels_numpy).share
+        self._first = np.zeros(count, np.int64)
 
     def evaluate(self, x: NDArray[np.float32], phases: NDArray[np.float32]) -> NDArray[np.float32]:
         """Outputs [N, O] of inputs [N, I] at phases [N], radians; valid until the next call."""
-        count, room = len(x), len(self._y)
-        if x.shape != (count, self.inputs) or phases.shape != (count,) or count > room:
-            what = f"inputs {x.shape} at phases {phases.shape}"
-            raise ValueError(f"{what}, expected up to {room} of {self.inputs} numbers and a phase each")
-        packed, y = self.packed, self._y[:count]
-        first, shares, order = self._rows
-        self._evaluate(
-            x, phases, self._sets, self._used, packed.layers, packed.weights, packed.numbers,
-            first[:count], shares[:count], order[:count], self._ends, *self._scratch, y,
-        )  # fmt: skip
-        return y
+        self._check(x)
+        if phases.shape != x.shape[:1]:
+            raise ValueError(f"phases {phases.shape}, expected one for each of {len(x)} inputs")
+        self._share(phases, self._first, self._shares, self._order, self._ends)
+        return self._mix(x)
