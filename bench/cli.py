@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -14,57 +13,13 @@ from mm import options
 from motion import console, files
 from motion.errors import UserError
 
-if TYPE_CHECKING:
-    from lmm.models import AnyModel
-    from mm.database import Database
-
-CLIPS = (".bvh", ".amc", ".asf", ".npz", ".gltf", ".glb")
+from .memory.cli import memory
+from .options import CODECS, MODELS, Listed, check_models, check_outputs, load, note, open_database
 
 
 @console.group("bench", "Numbers to trust: memory, cost per frame, motion quality, search, crowds, reading.")
 def main() -> None:
     pass
-
-
-MODELS = click.option(
-    "--model",
-    "models",
-    multiple=True,
-    type=click.Path(),
-    metavar="MODEL",
-    help="A model of any kind that `lmm train` made from this database.  [repeatable]",
-)
-
-
-class Listed(click.ParamType):
-    """Comma-separated values."""
-
-    name = "list"
-
-    def __init__(self, kind: type = str) -> None:
-        self.kind = kind
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple:
-        if isinstance(value, tuple):
-            return value
-        try:
-            found = tuple(self.kind(part.strip()) for part in value.split(",") if part.strip())
-        except ValueError:
-            self.fail(f"{value!r} is not a list of numbers, as 1,16,256 is", param, ctx)
-        if not found:
-            self.fail("an empty list", param, ctx)
-        if self.kind is int:
-            found = tuple(console.COUNT.convert(number, param, ctx) for number in found)
-        return found
-
-
-CODECS = click.option(
-    "--codecs",
-    type=Listed(),
-    default=(),
-    metavar="A,B",
-    help="Compressed databases, too: codecs as `mm compress` names them, chained by +, or files it wrote.",
-)
 
 
 @main.command(
@@ -144,7 +99,7 @@ def compare(
     registry.choose(systems, indexes=indexes, models=learned, codecs=codecs)
     loaded = [known_courses.load(name) for name in courses or comparing.COURSES]
     database, name = open_database(sources, folder and folder / "database.mmdb", chosen)
-    _check_models(learned, models, database)
+    check_models(learned, models, database)
     result = comparing.compare(
         database,
         courses=loaded,
@@ -188,7 +143,7 @@ def search(
     """
     from . import queries as recorded
 
-    rows = recorded.table(_load(db), count=queries, indexes=indexes, k=k, repeats=repeats)
+    rows = recorded.table(load(db), count=queries, indexes=indexes, k=k, repeats=repeats)
     if as_json:
         console.print_json(rows)
     else:
@@ -212,11 +167,11 @@ def crowd(
     from . import crowd as crowds
     from . import systems as registry
 
-    learned, database = registry.load_models(models) if models else {}, _load(db)
-    _check_models(learned, models, database)
+    learned, database = registry.load_models(models) if models else {}, load(db)
+    check_models(learned, models, database)
     why = registry.without_legs(database)
     if why is not None:
-        _note(f"no system holds the feet: {why.what}")
+        note(f"no system holds the feet: {why.what}")
     rows = crowds.measure(
         database, counts=counts, index=index, models=learned, seconds=seconds, progress=True
     )
@@ -248,7 +203,7 @@ def retarget(
     from . import retargeting
 
     rows = retargeting.measure(
-        _load(db), joints=joints, counts=counts, index=index, seconds=seconds, progress=True
+        load(db), joints=joints, counts=counts, index=index, seconds=seconds, progress=True
     )
     if as_json:
         console.print_json(rows)
@@ -285,7 +240,7 @@ def networks(
     """
     from . import networks as measured
 
-    subject = measured.load(model, None if database is None else _load(database))
+    subject = measured.load(model, None if database is None else load(database))
     rows = measured.measure(subject, counts=counts, weights=weights, repeats=repeats, progress=True)
     if as_json:
         console.print_json(rows)
@@ -367,8 +322,8 @@ def likeness(
 
     folder = None if output is None else Path(output)
     if folder is not None:
-        _check_outputs(folder, ("index.html", "table.csv", "summary.csv"))
-    result = comparing.compare([a], [b], exclude=exclude, only=only, note=_note, progress=console.progress)
+        check_outputs(folder, ("index.html", "table.csv", "summary.csv"))
+    result = comparing.compare([a], [b], exclude=exclude, only=only, note=note, progress=console.progress)
     if as_json:
         console.print_json(page.to_json(result))
     else:
@@ -431,7 +386,7 @@ def coverage(
 
     folder = None if output is None else Path(output)
     if folder is not None:
-        _check_outputs(folder, covering.FILES)
+        check_outputs(folder, covering.FILES)
     loaded = [known_courses.load(name) for name in courses or comparing.COURSES]
     database, name = open_database(sources, None, chosen)
     found = covering.measure(database, loaded, seconds=seconds, scale=scale, few=few)
@@ -505,14 +460,14 @@ def thesis(
 
     folder = None if output is None else Path(output)
     if folder is not None:
-        _check_outputs(folder, page.FILES)
+        check_outputs(folder, page.FILES)
     elif not quick:
         raise click.UsageError("a folder is needed to train models into: give -o DIR, or --quick")
-    databases = rows.Databases(_load(db))
+    databases = rows.Databases(load(db))
     placed = rows.placed(models, databases)
     if folder is not None and not quick:
         missing = [name for name in published.CONFIGURATIONS if name not in placed]
-        trained = [rows.train(databases, name, folder, preset=preset, note=_note) for name in missing]
+        trained = [rows.train(databases, name, folder, preset=preset, note=note) for name in missing]
         placed = rows.placed([*models, *trained], databases)
     found = measure.measure(databases, placed, laps=laps, mode=mode, name=db, progress=console.progress)
     command = shlex.join(["python", "-m", "bench", *sys.argv[1:]])
@@ -527,42 +482,7 @@ def thesis(
             print(f"wrote {path}", file=sys.stderr)
 
 
-def open_database(
-    sources: tuple[str, ...], output: Path | None, chosen: dict[str, Any]
-) -> tuple[Database, str]:
-    """The database that sources name, or one built from clips (and kept as output); and what to call it."""
-    from mm import build as building
-
-    names = ", ".join(sources)
-    first = Path(sources[0])
-    if len(sources) == 1 and files.kind(first) == "file" and first.suffix.lower() not in CLIPS:
-        for flag in _given(set(chosen) - {"jobs"}):
-            raise UserError("this database is built already", path=first, remedy=f"leave out {flag}")
-        return _load(sources[0]), names
-    database = building.build(sources, **chosen, note=_note, progress=console.progress)
-    if output is not None:
-        database.save(output)
-        return _load(str(output)), names
-    return database, names
-
-
-def _given(names: set[str]) -> Iterator[str]:
-    """The flags of options of these names that stand on the command line."""
-    context = click.get_current_context()
-    for option in context.command.params:
-        if option.name in names:
-            source = context.get_parameter_source(option.name)
-            if source is click.core.ParameterSource.COMMANDLINE:
-                off = option.secondary_opts and context.params[option.name] is False
-                yield (option.secondary_opts if off else option.opts)[0]
-
-
-def _check_outputs(folder: Path, names: Iterable[str]) -> None:
-    """A UserError unless files of these names can be written into a folder."""
-    if files.kind(folder) not in (None, "folder"):
-        raise UserError("cannot write: it is a file", path=folder, remedy="name a folder")
-    for name in names:
-        files.check_output(folder / name)
+main.add_command(memory)
 
 
 def _check_folder(folder: Path, sources: tuple[str, ...], chosen: dict[str, Any]) -> None:
@@ -573,21 +493,3 @@ def _check_folder(folder: Path, sources: tuple[str, ...], chosen: dict[str, Any]
     for name in ("database.mmdb", "summary.csv", "summary.json", "courses.csv", "report.html"):
         others = inputs if name != "database.mmdb" else ()
         files.check_output(folder / name, inputs=[*options.inputs(chosen), *others])
-
-
-def _check_models(learned: Mapping[str, AnyModel], paths: Iterable[str], database: Database) -> None:
-    """A UserError unless models are of a database."""
-    for model, path in zip(learned.values(), paths, strict=True):
-        model.check(database, path)
-
-
-def _load(path: str) -> Database:
-    from mm.database import Database
-
-    if files.kind(path) == "folder":
-        raise UserError("a folder, expected a database", path=path, remedy="make one with python -m mm build")
-    return Database.load(path)
-
-
-def _note(line: str) -> None:
-    print(f"note: {line}", file=sys.stderr)

@@ -35,9 +35,11 @@ class Entry:
     where legs are not whole, and elsewhere comes by its name or a pattern alone. asked : whether it comes by
     its name or a pattern alone everywhere.
     decoder : how its Decompression makes poses of frames, of all that make them alike the same object; None
-    where it has no such stage. source : the model or the codec that it is made of, by name. alone : whether
-    that is all that it is made of, so that `make` takes None for a database. sees_ground : whether `make`
-    takes a ground, too, for which its poses are made; other systems are put on it (`mm.grounded.on_ground`).
+    where it has no such stage. source : the model or the codec that it is made of, by name. way, weights :
+    how a model runs (letters of learned stages, or a network's mode), and what its weights are held as. alone
+    : whether the source is all that it is made of, so that `make` takes None for a database. sees_ground :
+    whether `make` takes a ground, too, for which its poses are made; other systems are put on it
+    (`mm.grounded.on_ground`).
     """
 
     name: str
@@ -48,6 +50,8 @@ class Entry:
     asked: bool = False
     decoder: Decoder | None = as_stored
     source: str = ""
+    way: str = ""
+    weights: str | None = None
     alone: bool = False
     sees_ground: bool = False
 

@@ -66,6 +66,8 @@ def learned(models: Mapping[str, AnyModel]) -> list[Entry]:
                         asked=bool(ending),
                         decoder=as_stored if staged and "D" not in way else decoder,
                         source=name,
+                        way=way,
+                        weights=weights,
                         alone=alone,
                         sees_ground=not isinstance(model, Model) and model.sees_ground,
                     )

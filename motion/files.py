@@ -287,6 +287,25 @@ def load(
 
 def format_of(path: str | os.PathLike[str]) -> str | None:
     """The kind of what `save` wrote at path, by its header alone; None for any other file."""
+    try:
+        return str(json.loads(_table(path)["__metadata__"]["metadata"])["format"])
+    except (ValueError, KeyError, TypeError, RecursionError):
+        return None
+
+
+def array_sizes(path: str | os.PathLike[str]) -> dict[str, int]:
+    """Bytes of each array of what `save` wrote at path, by its header alone; a UserError for other files."""
+    try:
+        table = _table(path)
+        del table["__metadata__"]
+        spans = {name: entry["data_offsets"] for name, entry in table.items()}
+        return {name: stop - start for name, (start, stop) in spans.items()}
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise UserError("not a file of arrays, or its header is damaged", path=path) from error
+
+
+def _table(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """The header; a ValueError where it is none."""
     check_input(path)
     try:
         with open(path, "rb") as stream:
@@ -294,10 +313,7 @@ def format_of(path: str | os.PathLike[str]) -> str | None:
             raw = stream.read(min(length, _HEADER))
     except OSError as error:
         raise _cannot("read", error, path) from error
-    try:
-        return str(json.loads(json.loads(raw)["__metadata__"]["metadata"])["format"])
-    except (ValueError, KeyError, TypeError, RecursionError):
-        return None
+    return json.loads(raw)
 
 
 @contextlib.contextmanager
@@ -335,11 +351,12 @@ def _arrays(table: Mapping[str, Any], data: NDArray[np.uint8]) -> dict[str, NDAr
     return arrays
 
 
-def write_together(folder: Path, texts: Mapping[str, str]) -> list[Path]:
-    """Write texts by file name into a folder, all of them or none; the files' paths."""
+def write_together(folder: Path, contents: Mapping[str, str | bytes]) -> list[Path]:
+    """Write texts, or bytes, by file name into a folder, all of them or none; the files' paths."""
     with contextlib.ExitStack() as stack:
-        for name, text in texts.items():
-            stream = stack.enter_context(atomic(folder / name, "w"))
-            stream.write(text)
+        for name, content in contents.items():
+            mode = "w" if isinstance(content, str) else "wb"
+            stream = stack.enter_context(atomic(folder / name, mode))
+            stream.write(content)
             stream.flush()  # a disk that is full leaves all the old files
-    return [folder / name for name in texts]
+    return [folder / name for name in contents]

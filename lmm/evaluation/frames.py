@@ -18,6 +18,7 @@ from lmm.mann.evaluator import MannEvaluator
 from lmm.pfnn import frames as of_phase
 from lmm.pfnn.evaluator import PhaseEvaluator
 from lmm.pfnn.model import PhaseModel
+from lmm.pfnn.spline import Mode
 from mm import metrics
 from mm.database import Database
 from motion import quat
@@ -72,12 +73,18 @@ class Truth:
 
 
 class Rows:
-    """A model's network at run time, for any number of rows; what it gives is the caller's."""
+    """A model's network at run time, for any number of rows; what it gives is the caller's.
 
-    def __init__(self, model: LocomotionModel) -> None:
-        network = model.network
-        phased = isinstance(model, PhaseModel)
-        self._network: Any = (PhaseEvaluator if phased else MannEvaluator)(network, count=CHUNK)
+    mode is of phase-functioned networks alone, see `lmm.pfnn.spline`.
+    """
+
+    def __init__(self, model: LocomotionModel, mode: Mode = "cubic") -> None:
+        network: Any = model.network
+        self._network: Any
+        if isinstance(model, PhaseModel):
+            self._network = PhaseEvaluator(network, mode=mode, count=CHUNK)
+        else:
+            self._network = MannEvaluator(network, count=CHUNK)
 
     def evaluate(self, x: Array, /, *phases: NDArray[np.floating]) -> Array:
         """Outputs [N, O] of inputs [N, I], at phases [N] where it has one."""
@@ -113,9 +120,9 @@ class Step:
     contacts: NDArray[np.bool_]
 
 
-def step(truth: Truth) -> Step:
-    """One step from every frame of the database."""
-    frames, layout, network = truth.frames, truth.model.layout, Rows(truth.model)
+def step(truth: Truth, mode: Mode = "cubic") -> Step:
+    """One step from every frame of the database; mode: see `Rows`."""
+    frames, layout, network = truth.frames, truth.model.layout, Rows(truth.model, mode)
     count, joints = len(frames.x), layout.joints
     position, rotation, velocity, relative = (np.empty((count, joints), np.float32) for _ in range(4))
     root, turn, turned = (np.empty(count, np.float32) for _ in range(3))

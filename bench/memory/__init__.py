@@ -1,0 +1,1 @@
+"""What systems hold in memory, by part, stored, loaded and at the peak, and what errors they have for it."""

@@ -1,0 +1,156 @@
+"""What the memory question leaves behind: a table, JSON, pictures, and one page that needs nothing else."""
+
+from __future__ import annotations
+
+import json
+import math
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from bench.compare import plain
+from motion import figures, files
+
+from . import plots, resident
+from .measure import Memory
+
+# Column, title, digits after the point, what it is; `{n}` stands for a number of characters.
+COLUMNS = (
+    ("stored_mb", "stored MB", 2, "files that it is read from"),
+    ("memory_mb", "loaded MB", 2, "what it holds of all data and one character"),
+    ("resident_mb", "resident MB", 1, "what a process holds more for it, files read included"),
+    ("peak_mb", "peak MB", 1, "the most that a process held more while it was made and run"),
+    (
+        "pose_cm",
+        "error cm",
+        3,
+        "joints of poses decoded of true frames from those of the data, training clips",
+    ),
+    ("pose_p99_cm", "p99 cm", 2, "99th percentile of that"),
+    ("pose_worst_cm", "worst cm", 2, "mean of the worst joint"),
+    ("pose_deg", "error °", 2, "mean angle between the joints' own rotations, decoded and true"),
+    ("pose_cm_s", "cm/s", 1, "mean difference of the joints' velocities"),
+    ("pose_held_cm", "held-out cm", 3, "joints of clips that no model was trained on"),
+    ("drift_cm", "drift cm", 2, "joints after ten frames that the Stepper makes of its own, training clips"),
+)
+ALLOCATED = (
+    ("frame_bytes_{n}", "frame B, {n}", 0, "bytes of temporaries of a frame of {n} characters"),
+    ("search_bytes_{n}", "search B, {n}", 0, "the same of a frame in which any of {n} searches"),
+    (
+        "blocks_{n}",
+        "blocks, {n}",
+        0,
+        "small blocks of numba's runtime a frame of {n}: one an array handed over",
+    ),
+    ("kept_bytes_{n}", "kept B, {n}", 0, "bytes held after all the frames of {n} and not before"),
+)
+FILES = ("memory.csv", "memory.json", "pareto.png", "report.html")
+
+
+def save(memory: Memory, folder: Path, *, command: str) -> list[Path]:
+    """Write the table, its JSON, the plot of memory against error and the page, all of them or none."""
+    with figures.style("pareto"):
+        picture = figures.png(plots.against_error(memory.systems))
+    contents = {
+        "memory.csv": memory.systems.to_csv(index=False, lineterminator="\n"),
+        "memory.json": json.dumps(to_json(memory, command=command), indent=1, allow_nan=False) + "\n",
+        "pareto.png": picture,
+        "report.html": html(memory, command=command),
+    }
+    return files.write_together(folder, contents)
+
+
+def to_json(memory: Memory, *, command: str) -> dict[str, Any]:
+    """All numbers and where they come from, as plain data."""
+    tables = {name: plain(getattr(memory, name)) for name in ("systems", "features", "published")}
+    return {
+        "command": command,
+        "database": memory.database,
+        "models": memory.models,
+        "machine": memory.machine,
+        "notes": memory.notes,
+    } | tables
+
+
+def columns(memory: Memory) -> list[tuple[str, str, int, str]]:
+    """Those of `COLUMNS` and `ALLOCATED` that were measured."""
+    counts = [c.removeprefix("frame_bytes_") for c in memory.systems if c.startswith("frame_bytes_")]
+    every = list(COLUMNS) + [
+        (name.format(n=n), title.format(n=n), digits, about.format(n=n))
+        for n in counts
+        for name, title, digits, about in ALLOCATED
+    ]
+    return [column for column in every if column[0] in memory.systems]
+
+
+def brief(memory: Memory) -> list[dict[str, Any]]:
+    """Rows for the terminal; a star marks what is on the Pareto front."""
+    rows = []
+    for row in memory.systems.to_dict("records"):
+        cells: dict[str, Any] = {"system": row["system"], "front": "*" if row.get("front") else ""}
+        for name, title, digits, _ in columns(memory):
+            known = row[name] is not None and math.isfinite(row[name])
+            cells[title] = round(float(row[name]), digits or None) if known else None
+        rows.append(cells)
+    return rows
+
+
+def facts(memory: Memory) -> list[str]:
+    """Sentences that follow from the numbers."""
+    rows, out = memory.systems, []
+    if "front" in rows:
+        best = rows[rows["front"]].sort_values("memory_mb")
+        steps = [f"{row.system} ({row.memory_mb:.3g} MB, {row.pose_cm:.2g} cm)" for row in best.itertuples()]
+        out.append(f"Nothing smaller decodes poses better than {listed(steps)}.")
+    drifting = rows[rows["drift_cm"].notna()] if "drift_cm" in rows else rows[:0]
+    if len(drifting):
+        name, decoded, own = drifting.iloc[0][["system", "pose_cm", "drift_cm"]]
+        out.append(
+            f"{name} decodes true states within {decoded:.2g} cm, and after ten steps of its own {own:.2g}."
+        )
+    if "frame_bytes_1" in rows:
+        least, most = rows["frame_bytes_1"].min(), rows["frame_bytes_1"].max()
+        out.append(f"A frame of one character makes temporaries of {least:,.0f} to {most:,.0f} bytes.")
+    return out
+
+
+def listed(words: list[str]) -> str:
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
+
+
+def number(value: Any, digits: int) -> str:
+    """A number with so many digits, a dash where there is none."""
+    return "–" if value is None or not math.isfinite(value) else f"{value:,.{digits}f}"
+
+
+def html(memory: Memory, *, command: str) -> str:
+    """The page."""
+    import jinja2
+
+    template = resources.files("bench") / "templates" / "memory.html"
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
+    pictures = {}
+    for name, draw in (("against_error", plots.against_error), ("by_part", plots.by_part)):
+        with figures.style(name):
+            pictures[name] = figures.svg(draw(memory.systems))
+    return environment.from_string(template.read_text("utf-8")).render(
+        memory=memory,
+        facts=facts(memory),
+        columns=columns(memory),
+        systems=memory.systems.to_dict("records"),
+        parts={kind: parts(memory.systems, kind) for kind in ("stored", "memory")},
+        features=memory.features.to_dict("records"),
+        published=memory.published.to_dict("records"),
+        pictures=pictures,
+        steps=resident.STEPS,
+        number=number,
+        command=command,
+    )
+
+
+def parts(systems: pd.DataFrame, kind: str) -> list[tuple[str, str]]:
+    """Columns of bytes by part, and their titles."""
+    found = [c for c in systems if c.startswith(f"{kind}_") and c != f"{kind}_mb"]
+    return [(c, c.removeprefix(f"{kind}_").removesuffix("_mb").replace("_", " ")) for c in found]

@@ -1,0 +1,100 @@
+"""Memory against error, both logarithmic, and memory by part."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from bench import plots
+from motion.figures import COLOURS, INK, figure
+
+PANELS = (("training", "pose_cm", "front"), ("held-out", "pose_held_cm", "front_held"))
+MARKERS = ("s", "o", "D", "^", "v")
+ROOM = 0.035  # of the height, between two labels
+
+
+def against_error(systems: pd.DataFrame) -> Any:
+    """What systems hold beside the error of their poses, a panel a part of the data.
+
+    A line joins the Pareto front. Poses that are as they are in the data stand at the bottom. Hollow marks
+    are errors after one step of a network of locomotion, in which no front is looked for.
+    """
+    panels = [panel for panel in PANELS if panel[1] in systems]
+    picture, axes = figure(5.6 * len(panels), 5.2, len(panels))
+    kinds = list(dict.fromkeys(systems["kind"]))
+    errors = np.concatenate([systems[column] for _, column, _ in panels]).astype(float)
+    floor = np.nanmin(errors[errors > 0], initial=1.0) / 3
+    for one, (part, column, front) in zip(axes, panels, strict=True):
+        rows = systems[systems[column].notna()]
+        memory, error = rows["memory_mb"].to_numpy(), np.maximum(rows[column].to_numpy(), floor)
+        best = rows[front].to_numpy(bool)
+        order = np.flatnonzero(best)[np.lexsort((error[best], memory[best]))]
+        one.plot(memory[order], error[order], color=INK, linewidth=0.8, drawstyle="steps-post", zorder=1)
+        for kind, colour, marker in zip(kinds, COLOURS, MARKERS, strict=False):
+            for decoded, face in (("decoded", colour), ("one step", "none")):
+                who = ((rows["kind"] == kind) & (rows["error"] == decoded)).to_numpy()
+                if who.any():
+                    title = kind if decoded == "decoded" else f"{kind}, after one step"
+                    one.scatter(
+                        memory[who], error[who], 22, edgecolors=colour, facecolors=face, marker=marker,
+                        label=title, zorder=2,
+                    )  # fmt: skip
+        one.set_xscale("log")
+        one.set_yscale("log")
+        one.set_xlabel("MB (10^6 bytes) held of one character and all data")
+        one.set_ylabel(f"joint error, {part} clips, cm")
+        one.grid(True, which="major")
+        if (rows[column] == 0).any():
+            one.axhline(floor, color=INK, linewidth=0.5, linestyle=(0, (4, 2)))
+            across = one.get_yaxis_transform()
+            one.text(0.99, floor, "as in the data", transform=across, ha="right", va="bottom", fontsize=6)
+        one.margins(0.12)
+        _label(one, memory, error, [_short(name) for name in rows["system"]], best)
+    handles = dict(zip(*reversed(axes[0].get_legend_handles_labels()), strict=True))
+    picture.legend(handles.values(), handles, loc="outside upper center", ncols=4, fontsize=7)
+    return picture
+
+
+def by_part(systems: pd.DataFrame) -> Any:
+    """A bar a system, its parts stacked."""
+    return plots.memory(systems)
+
+
+def _short(name: str) -> str:
+    return (
+        name.removesuffix("-free")
+        .replace("mm-exact-", "")
+        .replace("features-", "")
+        .replace("quantised", "q")
+        .replace("keyframes", "key")
+    )
+
+
+def _label(axes: Any, x: NDArray, y: NDArray, names: list[str], bold: NDArray[np.bool_]) -> None:
+    """Names beside points, moved up or down where they would lie on each other."""
+    axes.figure.draw_without_rendering()
+    places = axes.transAxes.inverted().transform(axes.transData.transform(np.column_stack([x, y])))
+    taken: list[tuple[float, float, float]] = []
+    for i in np.argsort(-places[:, 1]):
+        width = 0.0105 * len(names[i])
+        right = places[i, 0] + width < 1
+        left = places[i, 0] + 0.012 if right else places[i, 0] - 0.012 - width
+        at = places[i, 1]
+        while any(abs(at - y_) < ROOM and left < end and start < left + width for start, end, y_ in taken):
+            at -= ROOM / 4
+        taken.append((left, left + width, at))
+        line = {"arrowstyle": "-", "linewidth": 0.3, "color": INK}
+        axes.annotate(
+            names[i],
+            places[i],
+            (left, at),
+            "axes fraction",
+            "axes fraction",
+            fontsize=5.5,
+            va="center",
+            fontweight="bold" if bold[i] else "normal",
+            arrowprops=line if abs(at - places[i, 1]) > ROOM / 2 else None,
+        )

@@ -1,0 +1,65 @@
+"""What others hold, as far as they tell, beside what this database takes and what its systems do."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pandas as pd
+
+from mm.database import Database
+
+HOUR = 3600.0
+# Features of an hour, float32 numbers: who, columns, frames a second (REFERENCE 2.3).
+O3DE = ("O3DE's default schema", 59, 30.0)
+# Who, joints, frames, MB in all (REFERENCE 3.3: the paper's Table 3).
+SYSTEMS = (
+    ("the paper's MM, locomotion", 28, 89_480, 52.1),
+    ("the paper's DMM, locomotion: a Decompressor and latents", 28, 89_480, 21.4),
+    ("the paper's LMM, locomotion", 28, 89_480, 5.3),
+    ("the paper's PFNN, terrain", 28, 170_534, 9.3),
+    ("the paper's MANN, dog", 58, 124_418, 16.9),
+)
+OURS = (
+    "mm-exact",
+    "mm-coded-quantised-11+features-8bit",
+    "lmm-D",
+    "lmm-PSD",
+    "lmm-PSD-fp16",
+    "pfnn-cubic",
+    "mann-4",
+)
+
+
+def features(database: Database) -> list[dict[str, Any]]:
+    """Rows: MB of the features of an hour of motion; mirrored copies are as much again."""
+    columns, fps = database.schema.size, database.fps
+    rows = [(O3DE[0], *O3DE[1:], 4.0)]
+    rows += [
+        (f"this database, schema {database.schema.name}{name}", columns, fps, size)
+        for name, size in (
+            ("", 4.0),
+            (", 8 bits", 1.0),
+            (", product quantisation", -(-columns // 3) / columns),
+        )
+    ]
+    return [
+        {
+            "features": name,
+            "columns": count,
+            "fps": rate,
+            "bytes_a_number": size,
+            "mb_an_hour": count * rate * HOUR * size / 1e6,
+        }
+        for name, count, rate, size in rows
+    ]
+
+
+def beside(database: Database, systems: pd.DataFrame) -> list[dict[str, Any]]:
+    """Rows: MB in all, and bytes by frame of the data, of the paper's systems and some of ours."""
+    rows = list(SYSTEMS)
+    held = dict(zip(systems["system"].str.removesuffix("-free"), systems["memory_mb"], strict=True))
+    rows += [(name, len(database.skeleton), len(database), held[name]) for name in OURS if name in held]
+    return [
+        {"system": name, "joints": joints, "frames": frames, "mb": mb, "bytes_a_frame": 1e6 * mb / frames}
+        for name, joints, frames, mb in rows
+    ]
