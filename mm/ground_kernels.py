@@ -46,7 +46,7 @@ def locate(levels, dt, parents, needed, legs, points, positions, rotations, worl
     """Find the feet: world transforms [N, J, ..] of needed joints, touches [N, C, 3], and where to ask.
 
     places [N, 1 + 4 C, 2] (x, z): the root; what touches and the ankle of every foot; what lies ahead of
-    every foot, and as far behind. legs [C, 4] and points [C, 3]: see `mm.feet.Legs`. levels [N, 1 + 3 C]
+    every foot, and half as far. legs [C, 4] and points [C, 3]: see `mm.feet.Legs`. levels [N, 1 + 3 C]
     records (`LEVEL`): of the root; of what touches and the ankle; of the step ahead.
     """
     feet = len(legs)
@@ -87,7 +87,7 @@ def locate(levels, dt, parents, needed, legs, points, positions, rotations, worl
                 places[i, 1 + 2 * k, a] = touches[i, k, 2 * a]
                 places[i, 2 + 2 * k, a] = world_pos[i, ankle, 2 * a]
                 places[i, 1 + 2 * feet + 2 * k, a] = touches[i, k, 2 * a] + share * ahead[a]
-                places[i, 2 + 2 * feet + 2 * k, a] = touches[i, k, 2 * a] - share * ahead[a]
+                places[i, 2 + 2 * feet + 2 * k, a] = touches[i, k, 2 * a] + share * ahead[a] / 2
 
 
 @_jit
@@ -128,8 +128,9 @@ def stand(levels, grounds, places, follow, halflife, dt, contacts, heights, pare
             x, z = places[i, t, 0], places[i, t, 1]
             if follow:
                 way = math.sqrt((places[i, ahead, 0] - x) ** 2 + (places[i, ahead, 1] - z) ** 2)
-                slope = max(grounds[i, t] - grounds[i, ahead + 1], 0.0)
-                lift = max(grounds[i, ahead] - grounds[i, t] - slope - BEND * way, 0.0)
+                near, far = grounds[i, ahead + 1] - grounds[i, t], grounds[i, ahead] - grounds[i, t]
+                slope = max(min(near, far - near), 0.0)
+                lift = max(max(near - slope, far - 2 * slope) - BEND * way, 0.0)
                 lift = track(levels[i, 1 + 2 * feet + k], 0.0, 0.0, lift, halflife, dt)
                 raises[k, 0] = track(levels[i, t], x, z, grounds[i, t], halflife, dt) + lift - height
                 x, z = places[i, t + 1, 0], places[i, t + 1, 1]

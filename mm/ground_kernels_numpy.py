@@ -29,7 +29,7 @@ def locate(levels, dt, parents, needed, legs, points, positions, rotations, worl
     places[:, 0] = world_pos[:, 0, [0, 2]]
     places[:, 1 : 1 + 2 * feet : 2] = under
     places[:, 2 : 2 + 2 * feet : 2] = world_pos[:, legs[:, 2]][..., [0, 2]]
-    places[:, 1 + 2 * feet :: 2], places[:, 2 + 2 * feet :: 2] = under + ahead, under - ahead
+    places[:, 1 + 2 * feet :: 2], places[:, 2 + 2 * feet :: 2] = under + ahead, under + ahead / 2
 
 
 def track(levels, at, values, halflife, dt):
@@ -55,8 +55,9 @@ def stand(levels, grounds, places, follow, halflife, dt, contacts, heights, pare
         for k in range(feet):
             t, ahead = 1 + 2 * k, 1 + 2 * (feet + k)
             way = np.linalg.norm(places[:, ahead] - places[:, t], axis=-1)
-            slope = np.maximum(grounds[:, t] - grounds[:, ahead + 1], 0)
-            lift = np.maximum(grounds[:, ahead] - grounds[:, t] - slope - BEND * way, 0)
+            near, far = grounds[:, ahead + 1] - grounds[:, t], grounds[:, ahead] - grounds[:, t]
+            slope = np.maximum(np.minimum(near, far - near), 0)
+            lift = np.maximum(np.maximum(near - slope, far - 2 * slope) - BEND * way, 0)
             lift = track(levels[:, 1 + 2 * feet + k], np.zeros((len(lift), 2)), lift, halflife, dt)
             for a in range(2):
                 level = track(levels[:, t + a], places[:, t + a], grounds[:, t + a], halflife, dt)

@@ -285,3 +285,20 @@ def test_poses_that_are_no_numbers_are_told_from_grounds_that_are_none(database,
     feet = GroundFeet(database.skeleton, legs, FPS, 1, ground=HILLS)
     with pytest.raises(NotFinite, match="poses that are no numbers"):
         feet.apply(contacts, positions, rotations)
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_up_a_staircase_every_step_is_seen_ahead_not_only_the_first(database, legs, compiled):
+    """A slope rises as much behind as ahead, and so do stairs: what tells them is where the rise is."""
+
+    def stairs(x, z):
+        return 0.17 * np.floor(np.maximum(z - 0.4, 0) / 0.3)
+
+    _, after, contacts = play(database, legs, "straight", stairs, compiled=compiled)
+    _, now, _ = world(database, legs, *after)
+    deep = stairs(now[..., 0], now[..., 2]) + 0.02 - now[..., 1]  # toes rest 2 cm above the ground
+    climbing = now[:, :, 2] > 0.9
+    swings = climbing & (contacts == 0)
+    assert swings.sum() > 50 and np.ptp(after[0][:, 0, 1]) > 0.6
+    assert np.percentile(deep[swings], 95) < 0.03
+    assert np.percentile(deep[climbing & (contacts != 0)], 99) < 0.01
