@@ -22,8 +22,8 @@ from .errors import Note, UserError
 T = TypeVar("T")
 
 
-class Group(click.Group):
-    """A click group whose commands report a `UserError` as ``error: ...`` and exit with 2."""
+class Told(click.Command):
+    """A click command that reports a `UserError` as ``error: ...`` and exits with 2."""
 
     def main(self, *args: Any, **kwargs: Any) -> Any:
         kwargs["standalone_mode"] = False
@@ -62,6 +62,10 @@ class Group(click.Group):
             if sys.stderr is not None:  # print would take standard output instead
                 print("error: " + " ".join(message.split()), file=sys.stderr)
         sys.exit(code)
+
+
+class Group(Told, click.Group):
+    """A group of such commands."""
 
 
 def _show_notes() -> None:
@@ -133,10 +137,17 @@ SIZE = Number(1e-3, 1e3)
 COUNT = click.IntRange(1, 1_000_000)
 
 
+_SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
+
+
 def group(name: str, summary: str) -> Callable[[Callable], Group]:
     """Decorator: a command group with ``-h`` and ``--help``."""
-    settings = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
-    return lambda f: click.group(name, cls=Group, help=summary, context_settings=settings)(f)
+    return lambda f: click.group(name, cls=Group, help=summary, context_settings=_SETTINGS)(f)
+
+
+def command(name: str, *, epilog: str) -> Callable[[Callable], Told]:
+    """Decorator: a program of one command, with ``-h`` and ``--help`` that ends with the epilog."""
+    return lambda f: click.command(name, cls=Told, epilog=epilog, context_settings=_SETTINGS)(f)
 
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print machine-readable JSON.")

@@ -1,0 +1,134 @@
+"""Where the camera of a film stands, and the pictures that it takes of a stage at given times."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import camera
+from .camera import Camera
+from .raster import Renderer, text
+from .scene import Ground, Theme, colour
+from .stage import Stage
+
+Image = NDArray[np.uint8]
+
+SIDES = {"front": 0.0, "side": 90.0, "quarter": 35.0, "back": 180.0}  # degrees to the character's left
+KINDS = ("follow", "orbit", "fixed")
+_SAMPLES = 40  # instants at which a film's extent is looked at
+_WAIST = 0.52  # of how tall they are: what the camera looks at
+_HEADROOM = 1.15  # they and their names, in parts of how tall they are
+
+
+@dataclass(frozen=True)
+class View:
+    """How a stage is filmed.
+
+    Attributes
+    ----------
+    kind : follow moves along; orbit does, and goes around them once every turn seconds; fixed stands where it
+        sees all of the way.
+    azimuth : radians from where the first character faces at the start, to its left.
+    elevation : radians above level.
+    distance : metres, or None for what shows all.
+    """
+
+    kind: str = "follow"
+    azimuth: float = np.radians(SIDES["quarter"])
+    elevation: float = np.radians(12.0)
+    distance: float | None = None
+    turn: float = 8.0
+
+
+def film(
+    stage: Stage, times: Sequence[float], size: tuple[int, int], view: View, *, compiled: bool = True
+) -> Iterator[Image]:
+    """Pictures [H, W, 3] of a stage at rising times, size being (width, height)."""
+    renderer = Renderer(*size, compiled=compiled)
+    eye = first_camera(stage, times, size, view)
+    before = times[0]
+    for time in times:
+        stage.move_to(time)
+        if view.kind != "fixed":
+            eye = camera.follow(eye, _goal(stage), time - before)
+        if view.kind == "orbit":
+            eye = _around(eye, 2 * np.pi * (time - before) / view.turn)
+        before = time
+        _light(stage, eye)
+        yield renderer.render(stage.scene, eye)
+
+
+def strip(
+    stage: Stage, times: Sequence[float], size: tuple[int, int], view: View, *, compiled: bool = True
+) -> Iterator[Image]:
+    """Parts of a picture of this size, side by side: poses as seen from where they face, and their times."""
+    edges = np.round(np.linspace(0, size[0], len(times) + 1)).astype(int)
+    wide = int(np.diff(edges).max())
+    renderer = Renderer(wide, size[1], compiled=compiled)
+    here = replace(view, kind="follow")
+    whole = first_camera(stage, times, (wide, size[1]), here)
+    for time, start, stop in zip(times, edges, edges[1:], strict=False):
+        eye = first_camera(stage, [time], (wide, size[1]), replace(here, distance=whole.distance))
+        _light(stage, eye)
+        image = renderer.render(stage.scene, eye)
+        _stamp(image, f"{time:.2f} s", stage.scene.theme)
+        yield image[:, : stop - start]
+
+
+def joined(pictures: Iterable[Image]) -> Image:
+    """Pictures of one height as one, with a thin line between them."""
+    parts: list[Image] = []
+    for picture in pictures:
+        if parts:
+            picture = picture.copy()
+            picture[:, :1] = picture[:, :1] // 4 * 3
+        parts.append(picture)
+    return np.concatenate(parts, axis=1)
+
+
+def first_camera(stage: Stage, times: Sequence[float], size: tuple[int, int], view: View) -> Camera:
+    """The camera at the first of the times, which leaves room for what comes; the stage is left there."""
+    some = np.unique(np.linspace(times[0], times[-1], min(len(times), _SAMPLES)))
+    low, high, wide = stage.extent(list(some))
+    stage.move_to(times[0])
+    goal = _goal(stage)
+    if view.kind == "fixed":
+        goal[[0, 2]] = (low + high)[[0, 2]] / 2
+        wide = float(np.linalg.norm(high - low))
+    distance = view.distance
+    if distance is None:
+        room = (wide + stage.span, _HEADROOM * stage.tall)
+        distance = camera.fitting(room, size[0] / size[1])
+    azimuth = float(stage.yaws[0]) + view.azimuth
+    return camera.orbit(goal, azimuth=azimuth, elevation=view.elevation, distance=distance)
+
+
+def _goal(stage: Stage) -> NDArray[np.float64]:
+    return np.asarray(stage.middle + np.array([0.0, _WAIST * stage.tall, 0.0]), np.float64)
+
+
+def _around(eye: Camera, angle: float) -> Camera:
+    """The camera turned about the upright through its target."""
+    x, y, z = eye.position - eye.target
+    c, s = np.cos(angle), np.sin(angle)
+    turned = np.array([c * x + s * z, y, c * z - s * x])
+    return Camera(eye.target + turned, eye.target, eye.field)
+
+
+def _light(stage: Stage, eye: Camera) -> None:
+    """Let the ground reach as far as this camera sees it."""
+    x, _, z = eye.target
+    stage.scene.ground = Ground(
+        spacing=1.0 if stage.tall > 0.8 else 0.5, centre=(float(x), float(z)), radius=6.0 + 2.2 * eye.distance
+    )
+
+
+def _stamp(image: Image, words: str, theme: Theme) -> None:
+    """A line of text at the bottom, in the middle."""
+    ink, halo = (tuple(np.round(255 * colour(c)).astype(int).tolist()) for c in (theme.ink, theme.halo))
+    size = max(10, round(0.032 * len(image)))
+    stamp = text.picture(words, size, ink, halo)
+    text.put(image, stamp, (image.shape[1] - stamp.shape[1]) // 2, len(image) - len(stamp) - size // 3)
