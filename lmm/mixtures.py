@@ -119,15 +119,15 @@ class GuessedFrames:
     """
 
     def __init__(self, projector: ProjectorProjection, nearest: Nearest, *, ignore_radius: int) -> None:
-        self._projector, self._nearest, self._radius = projector, nearest, ignore_radius
+        self.projector, self._nearest, self._radius = projector, nearest, ignore_radius
 
     def project(self, queries, state, bound, required_tags, forbidden_tags):
-        self._projector.check_tags(required_tags, forbidden_tags)
+        self.projector.check_tags(required_tags, forbidden_tags)
         exclude = search.Exclusions(state.frames(), self._radius, required_tags, forbidden_tags)
-        frames = self._nearest.frames(self._projector.guess(queries, required_tags), exclude)
+        frames = self._nearest.frames(self.projector.guess(queries, required_tags), exclude)
         lost = frames < 0
         candidates = FrameState(np.where(lost, state.frames(), frames), state.data)
-        found_costs = normalise.total_costs(self._projector.schema, queries, candidates.features())
+        found_costs = normalise.total_costs(self.projector.schema, queries, candidates.features())
         found_costs[lost] = np.inf
         return candidates, found_costs, found_costs < bound
 
@@ -135,10 +135,10 @@ class GuessedFrames:
         self._radius = round(settings.ignore_radius * fps)
 
     def possible(self, required_tags: int, forbidden_tags: int) -> bool:
-        return self._projector.possible(required_tags, forbidden_tags)
+        return self.projector.possible(required_tags, forbidden_tags)
 
     def memory(self) -> dict[str, int]:
-        return self._projector.memory() | self._nearest.memory()
+        return self.projector.memory() | self._nearest.memory()
 
 
 class SearchedLatents:

@@ -34,13 +34,13 @@ TITLES = {
     "pfnn": "phase-functioned networks",
     "mann": "mode-adaptive networks",
 }
-_FORMATS = {of_stages.KIND: "lmm", of_phase.KIND: "pfnn", of_mann.KIND: "mann"}
+FORMATS = {of_stages.KIND: "lmm", of_phase.KIND: "pfnn", of_mann.KIND: "mann"}
 
 
 def kind_of(model: AnyModel | str | os.PathLike[str]) -> str:
     """ "lmm", "pfnn" or "mann": what a model is, or a file by its header; lmm where that says nothing."""
     if isinstance(model, str | os.PathLike):
-        return _FORMATS.get(files.format_of(pretrained.find(model)) or "", "lmm")
+        return FORMATS.get(files.format_of(pretrained.find(model)) or "", "lmm")
     return next(name for name, of_kind in TYPES.items() if isinstance(model, of_kind))
 
 
@@ -50,12 +50,12 @@ def load(path: str | os.PathLike[str]) -> AnyModel:
     What is no model is a UserError. Other errors: see `motion.files.load`.
     """
     found = files.format_of(pretrained.find(path))
-    if found not in _FORMATS:
+    if found not in FORMATS:
         what = "no model" if found is None else f"a {found}, no model"
         ships = ", ".join(pretrained.names())
         remedy = f"train one, or name one that ships ({ships})"
         raise UserError(f"{what} of any kind that `lmm train` makes", path=path, remedy=remedy)
-    return TYPES[_FORMATS[found]].load(path)
+    return TYPES[FORMATS[found]].load(path)
 
 
 def describe(model: AnyModel, path: str) -> dict[str, Any]:

@@ -14,8 +14,10 @@ from motion.errors import UserError
 from .network import WEIGHTS
 
 if TYPE_CHECKING:
+    from mm.database import Database
     from mm.description import Description
 
+    from .evaluator import Products
     from .locomotion.model import LocomotionModel
     from .model import Model
 
@@ -64,18 +66,27 @@ def run(
 
     The other options, and course files, are those of `python -m mm run`.
     """
+    from mm.database import Database
+
     from . import models
     from .mixtures import LETTERS, letters
 
     def load() -> runs.Driven:
         loaded, products = models.with_weights(models.load(model), weights)
         if isinstance(loaded, models.LocomotionModel):
-            return _network(loaded, mode, products)
-        return _stages(loaded, model, asked, db, index, products, options)
+            return of_network(loaded, mode, products)
+        database = None if db is None else Database.load(db)
+        if database is not None:
+            loaded.check(database, path=model)
+        if "P" in asked:
+            _check_tags(loaded.description, (*options["require_tag"], *options["forbid_tag"]))
+        return of_stages(loaded, asked, database, index or "exact", products)
 
     asked, kind = LETTERS if learned is None else letters(learned), models.kind_of(model)
-    of_stages = {"--learned": learned, "--db": db, "--index": index}
-    for foreign, of in ((of_stages, "lmm"), ({"--mode": mode}, "pfnn")):
+    for foreign, of in (
+        ({"--learned": learned, "--db": db, "--index": index}, "lmm"),
+        ({"--mode": mode}, "pfnn"),
+    ):
         given = [flag for flag, value in foreign.items() if value is not None]
         if given and kind != of:
             what = f"{given[0]} is for {models.TITLES[of]}, and this is a model of {models.TITLES[kind]}"
@@ -87,34 +98,26 @@ def run(
     runs.perform(load, {"model": model, "database": db}, **options)
 
 
-def _stages(
+def of_stages(
     model: Model,
-    path: str,
-    learned: str,
-    db: str | None,
-    index: str | None,
-    products: Any,
-    options: dict[str, Any],
+    learned: str = "PSD",
+    database: Database | None = None,
+    index: str = "exact",
+    products: Products = "float32",
 ) -> runs.Driven:
-    """Stages, those of letters learned by networks."""
-    from mm.database import Database
+    """What drives by stages, those of letters learned by networks; see `lmm.controller.controller`."""
     from mm.settings import Settings
 
     from .controller import controller
 
-    database = None if db is None else Database.load(db)
-    if database is not None:
-        model.check(database, path=path)
-    if "P" in learned:
-        _check_tags(model.description, (*options["require_tag"], *options["forbid_tag"]))
-    make = partial(
-        controller, model, learned=learned, database=database, index=index or "exact", products=products
-    )
+    make = partial(controller, model, learned=learned, database=database, index=index, products=products)
     return runs.Driven(model.description, make, Settings)
 
 
-def _network(model: LocomotionModel, mode: str | None, products: Any) -> runs.Driven:
-    """A network that makes locomotion of a trajectory."""
+def of_network(
+    model: LocomotionModel, mode: str | None = None, products: Products = "float32"
+) -> runs.Driven:
+    """What drives by a network that makes locomotion of a trajectory; mode is a way to evaluate it."""
     from . import models
     from .locomotion.settings import LocomotionSettings
 

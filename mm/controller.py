@@ -292,7 +292,7 @@ class Controller:
             self._jump(who[found], candidates.take(np.flatnonzero(found)))
         self._queries[who] = queries
         self._played[who] = self.state.take(who).features()
-        self._candidates[who] = np.where(found, candidates.frames(), -1)
+        self._candidates[who] = np.where(found, candidates.origins(), -1)
         self._cost_current[who], self._cost_candidate[who] = current, costs
         self._lap("projection")
 

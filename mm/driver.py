@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -100,6 +102,15 @@ class Driver:
         self.done = arrived or time >= self.limit - 1.5 / self.fps
         return command
 
+    def remember(self) -> Any:
+        """How far the characters are, for `recall`."""
+        return self._time, self._last_yaw, self.done, self._part.remember()
+
+    def recall(self, remembered: Any) -> None:
+        """Be again where this driver was."""
+        self._time, self._last_yaw, self.done, part = remembered
+        self._part.recall(part)
+
 
 class _Way:
     """Follows waypoints. A leg leads to a waypoint; legs and arc lengths count on through the laps."""
@@ -149,6 +160,12 @@ class _Way:
         facing = self._facings[self._leg]
         facing = np.where(np.any(facing != 0, axis=1, keepdims=True), facing, direction)
         return positions, np.arctan2(facing[:, 0], facing[:, 1])
+
+    def remember(self) -> Any:
+        return self._progress, self._leg  # of which others are made every time
+
+    def recall(self, remembered: Any) -> None:
+        self._progress, self._leg = remembered
 
     def laps(self, time: float) -> Float:
         return (self._progress - self._begin) / self._line.length
@@ -231,6 +248,12 @@ class _Script:
 
     def reset(self) -> tuple[Float, Float]:
         return np.zeros((self._count, 2)), np.zeros(self._count)
+
+    def remember(self) -> Any:
+        return None  # all follows from the time
+
+    def recall(self, remembered: Any) -> None:
+        pass
 
     def laps(self, time: float) -> Float:
         return np.full(self._count, time / self._seconds)

@@ -46,7 +46,7 @@ class Recording:
     Every recording has the poses and the commands; motion matching gives all of these, other systems those
     that they have a meaning for:
 
-        command_velocity [T, N, 2] m/s, command_yaw [T, N]
+        command_velocity [T, N, 2] m/s, command_yaw [T, N], command_crouch [T, N]
         simulation_position [T, N, 2], simulation_velocity [T, N, 2], simulation_yaw [T, N]
         positions [T, N, J, 3], rotations [T, N, J, 4]: local transforms shown, joint 0 in the world
         contacts [T, N, C], locked [T, N, C]: feet on the ground by the data, feet held
@@ -296,6 +296,7 @@ def step(system: System, command: Command, poses: Poses) -> dict[str, NDArray]:
     return {
         "command_velocity": command.velocity,
         "command_yaw": command.yaw,
+        "command_crouch": command.crouch,
         "positions": poses.positions,
         "rotations": poses.rotations,
     } | system.record()

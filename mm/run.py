@@ -13,7 +13,9 @@ from motion.errors import UserError
 from . import runs
 
 if TYPE_CHECKING:
+    from .codecs.compressed import Compressed
     from .course import Course
+    from .database import Database
 
 
 @click.command(epilog="Example: python -m mm run walk.mmdb --course thesis -o lap.bvh")
@@ -36,25 +38,32 @@ def run(db: str, index: str, **options: Any) -> None:
                    { position = [4, 6], speed = 3.0, gait = "run" }]
     """
 
-    def load() -> runs.Driven:
-        from motion import files
+    runs.perform(lambda: of_data(load(db), index), {"database": db}, **options)
 
-        from .codecs import compressed
-        from .controller import Controller
-        from .database import Database
-        from .description import Description
-        from .settings import Settings
 
-        if files.format_of(db) == compressed.KIND:
-            from .codecs.stages import controller
+def load(path: str) -> Database | Compressed:
+    """A database, compressed or not."""
+    from motion import files
 
-            small = compressed.Compressed.load(db)
-            return runs.Driven(small.description, partial(controller, small, index=index), Settings)
-        database = Database.load(db)
-        description = Description.of(database, rigs=False)
-        return runs.Driven(description, partial(Controller, database, index=index), Settings)
+    from .codecs import compressed
+    from .database import Database
 
-    runs.perform(load, {"database": db}, **options)
+    kind = compressed.Compressed if files.format_of(path) == compressed.KIND else Database
+    return kind.load(path)
+
+
+def of_data(data: Database | Compressed, index: str = "exact") -> runs.Driven:
+    """What drives by motion matching on a database."""
+    from .codecs.stages import controller
+    from .controller import Controller
+    from .database import Database
+    from .description import Description
+    from .settings import Settings
+
+    if isinstance(data, Database):
+        description = Description.of(data, rigs=False)
+        return runs.Driven(description, partial(Controller, data, index=index), Settings)
+    return runs.Driven(data.description, partial(controller, data, index=index), Settings)
 
 
 @click.command(

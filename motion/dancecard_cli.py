@@ -36,9 +36,8 @@ def dancecard(output: str, minutes: float, seed: int, no_labels: bool, as_json: 
     motion matching crouches where it is asked to, and nowhere else. Less than about seven minutes may have no
     crouching; tags.csv then is a header alone.
     """
-    from . import bvh, files
-    from .dancecard import FPS, GAITS, dances, names
-    from .dancecard import labels as label_files
+    from . import files
+    from .dancecard import FPS, clips, dances, names
 
     folder = Path(output)
     if files.kind(folder) not in ("folder", None):
@@ -50,41 +49,30 @@ def dancecard(output: str, minutes: float, seed: int, no_labels: bool, as_json: 
         what = f"holds other clips, such as {others[0]}"
         raise UserError(what, path=folder, remedy="name an empty folder")
     rows: list[dict[str, Any]] = []
-    tags: list[str] = []
-    spent = 0.0
-    for passage, seconds in console.progress(
-        _timed(dances(60 * minutes, seed=seed)), label="dancing", unit="clips"
-    ):
-        spent += seconds
-        target = folder / f"{passage.name}.bvh"
-        bvh.write(target, passage.clip, unit_to_m=0.01)
-        if not no_labels:
-            label_files.write(target.with_suffix(".labels.csv"), passage.labels)
-            crouched = passage.labels.gait == GAITS.index("crouch")
-            tags += [f"crouch,{passage.name},{a},{b}" for a, b in label_files.spans(crouched)]
+    spent: list[float] = []
+    passages = clips.write(folder, _timed(dances(60 * minutes, seed=seed), spent), labels=not no_labels)
+    for target, passage in console.progress(passages, label="dancing", unit="clips"):
         rows.append(
             {"file": os.fspath(target), "frames": len(passage.clip), "seconds": len(passage.clip) / FPS}
         )
-    if not no_labels:
-        with files.atomic(folder / "tags.csv") as stream:
-            stream.write("\n".join(["tag,clips,start,stop", *tags, ""]).encode())
     if as_json:
         console.print_json(rows)
     else:
         danced = sum(row["seconds"] for row in rows)
         click.echo(
             f"wrote {len(rows)} clips, {danced / 60:.1f} minutes, to {folder}; "
-            f"generated in {spent:.2f} s, {danced / spent:,.0f} times real time",
+            f"generated in {sum(spent):.2f} s, {danced / sum(spent):,.0f} times real time",
             err=True,
         )
 
 
-def _timed(items: Iterator[T]) -> Iterator[tuple[T, float]]:
-    """Each item and the seconds that it took to come."""
+def _timed(items: Iterator[T], spent: list[float]) -> Iterator[T]:
+    """The items; the seconds that each took to come go into spent."""
     while True:
         start = time.perf_counter()
         try:
             item = next(items)
         except StopIteration:
             return
-        yield item, time.perf_counter() - start
+        spent.append(time.perf_counter() - start)
+        yield item

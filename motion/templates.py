@@ -24,7 +24,7 @@ def compact(obj: Any) -> str:
 
 def explained(obj: Any) -> str:
     """TOML text of a flat dataclass with all its keys, under what its docstring's Attributes say of them."""
-    summary, about = _documentation(type(obj))
+    summary, about = documentation(type(obj))
     lines, before = [_comment(summary)], ""
     for key, value in ((field.name, getattr(obj, field.name)) for field in dataclasses.fields(obj)):
         if about.get(key, "") != before or not before:
@@ -69,7 +69,7 @@ def _key(key: str) -> str:
     return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else json.dumps(key)
 
 
-def _documentation(cls: type) -> tuple[str, dict[str, str]]:
+def documentation(cls: type) -> tuple[str, dict[str, str]]:
     """A docstring's first paragraph, and its Attributes by name, each on one line."""
     text = inspect.getdoc(cls) or ""
     entries = re.findall(r"^(\w[\w, ]*) : (.*(?:\n +.*)*)", text.partition("-\n")[2], re.M)

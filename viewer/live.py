@@ -1,0 +1,72 @@
+"""A session in a thread of its own, so that a window never waits for it long.
+
+A budget alone would not do: it is looked at between steps, and one search of a large database, or one step
+beside a training that takes all cores, may last longer than many frames of the screen. Steps are compiled and
+let go of the interpreter's lock, so that a window draws meanwhile. The window asks once a frame, and waits a
+few milliseconds for the answer, which is there in time but for such steps; then it shows what there was.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor, TimeoutError
+from typing import Any
+
+from .session import Look, Session
+
+PATIENCE = 0.008  # seconds that a frame waits: half of one at 60 a second
+BUDGET = 0.05  # seconds of steps at once: a machine too slow for its systems runs them at its own pace
+
+
+class Live:
+    """Lets a session's time go by in a thread.
+
+    late : frames that were shown what there was, since a step was not done in time.
+    """
+
+    def __init__(self, session: Session, *, patience: float = PATIENCE, budget: float = BUDGET) -> None:
+        self._session, self._patience, self._budget = session, patience, budget
+        self._pool = ThreadPoolExecutor(1, thread_name_prefix="session")
+        self._owed = 0.0
+        self._wishes: list[Callable[[Session], Any]] = []
+        self._work: Future[Look] | None = None
+        self._look = session.look()
+        self.late = 0
+
+    def frame(self, real_seconds: float) -> Look:
+        """What to show after so much real time since the last frame.
+
+        What a step raises that is no fault of one system's is raised here.
+        """
+        self._owed += real_seconds
+        if self._work is None:
+            work, self._wishes = self._wishes, []
+            owed, self._owed = self._owed, 0.0
+            self._work = self._pool.submit(self._advance, work, owed)
+        try:
+            self._look = self._work.result(timeout=self._patience)
+        except TimeoutError:
+            if self._work.done():  # it was the work itself that raised this
+                self._work = None
+                raise
+            self.late += 1
+            return self._look
+        except BaseException:
+            self._work = None
+            raise
+        self._work = None
+        return self._look
+
+    def do(self, wish: Callable[[Session], Any]) -> None:
+        """Have something done to the session before its time goes on: a reset, other settings, a pause."""
+        self._wishes.append(wish)
+
+    def close(self) -> None:
+        """End the thread, when it has done what it does."""
+        self._pool.shutdown(wait=True, cancel_futures=True)
+
+    def _advance(self, wishes: list[Callable[[Session], Any]], seconds: float) -> Look:
+        for wish in wishes:
+            wish(self._session)
+        self._session.advance(seconds, budget=self._budget)
+        return self._session.look()

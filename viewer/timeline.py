@@ -1,0 +1,241 @@
+"""What is remembered of one character, step by step: the last minute of a live one, all of a clip or run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mm.recording import Recording
+from motion import quat
+from motion.clip import Clip
+from motion.errors import UserError
+from motion.skeleton import Skeleton
+
+SECONDS = 60.0  # that are remembered of who is driven
+EXACTLY = 1e-6  # of a step: what is nearer to one is at it
+
+Pose = tuple[NDArray[np.float32], NDArray[np.float32]]
+
+
+@dataclass(frozen=True, eq=False)
+class Instant:
+    """One character at an instant.
+
+    Attributes
+    ----------
+    time : seconds since the beginning.
+    step : the step that leads here: what `record` tells was decided in it.
+    positions, rotations : float32 [J, 3] and [J, 4], local transforms, joint 0 in the world.
+    record : what that step recorded by name, without the axis of characters (see `mm.recording`).
+    """
+
+    time: float
+    step: int
+    positions: NDArray[np.float32]
+    rotations: NDArray[np.float32]
+    record: Mapping[str, NDArray] = field(default_factory=dict)
+
+
+class Timeline:
+    """The steps of one character; step k is at k / fps seconds.
+
+    Parameters
+    ----------
+    skeleton, fps : of the character.
+    seconds : how long a step is remembered.
+    start : number of the first step.
+    about : what a `Recording` says of its system (`mm.recording.about`).
+
+    Other threads may read while one appends: a step is written before it is counted.
+    """
+
+    def __init__(
+        self,
+        skeleton: Skeleton,
+        fps: float,
+        *,
+        seconds: float = SECONDS,
+        start: int = 0,
+        about: Mapping[str, Any] | None = None,
+    ) -> None:
+        self.skeleton, self.fps, self.about = skeleton, fps, dict(about or {})
+        self._start, self.last = start, start - 1
+        self.kept = max(2, round(seconds * fps))  # steps; a row more is written in while others read
+        self._arrays: dict[str, NDArray] = {}
+        self._seconds = np.zeros(self.kept + 1)
+        self._cuts = np.zeros(self.kept + 1, bool)
+        self._made: list[tuple[int, Any, Any]] = []
+
+    @staticmethod
+    def of_clip(clip: Clip) -> Timeline:
+        """All of a clip."""
+        arrays = {"positions": clip.positions, "rotations": clip.rotations}
+        return Timeline._of(clip.skeleton, clip.fps, {n: a.astype(np.float32) for n, a in arrays.items()}, {})
+
+    @staticmethod
+    def of_recording(recording: Recording, character: int = 0) -> Timeline:
+        """All of one character's run; one that is not there is a UserError."""
+        if not 0 <= character < recording.count:
+            remedy = f"the recording has {recording.count}, counted from 0"
+            raise UserError(f"no character {character}", remedy=remedy)
+        names = ("system", "skeleton", "settings", "schema", "database")
+        arrays = {name: array[:, character] for name, array in recording.arrays.items()}
+        about = {name: getattr(recording, name) for name in names}
+        found = Timeline._of(recording.skeleton, recording.fps, arrays, about)
+        found._seconds[: len(recording)] = recording.step_seconds
+        return found
+
+    @staticmethod
+    def _of(skeleton: Skeleton, fps: float, arrays: dict[str, NDArray], about: Mapping[str, Any]) -> Timeline:
+        count = len(arrays["positions"])
+        found = Timeline(skeleton, fps, seconds=count / fps, about=about)
+        found._arrays, found.last = arrays, count - 1
+        return found
+
+    def __len__(self) -> int:
+        """Steps that are remembered."""
+        return self.last + 1 - self.first
+
+    @property
+    def first(self) -> int:
+        """The first step that is remembered."""
+        return max(self._start, self.last + 1 - self.kept)
+
+    @property
+    def begin(self) -> float:
+        """Time of the first step remembered, seconds."""
+        return self.first / self.fps
+
+    @property
+    def end(self) -> float:
+        """Time of the last step, seconds."""
+        return self.last / self.fps
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What is recorded."""
+        return tuple(self._arrays)
+
+    @property
+    def nbytes(self) -> int:
+        return sum(array.nbytes for array in self._arrays.values())
+
+    def append(self, arrays: Mapping[str, NDArray], *, seconds: float = 0.0, cut: bool = False) -> None:
+        """Remember a step: arrays [1, ...] by name, how long it took, whether it is a cut."""
+        step = self.last + 1
+        row = step % (self.kept + 1)
+        for name, array in arrays.items():
+            if name not in self._arrays:
+                # Memory that is never written is never used: a minute that is not lived costs nothing.
+                self._arrays[name] = np.empty((self.kept + 1, *array.shape[1:]), array.dtype)
+            self._arrays[name][row] = array[0]
+        self._seconds[row], self._cuts[row] = seconds, cut
+        self.last = step
+
+    def hold(self) -> None:
+        """Remember another step in which nothing happened."""
+        still = {name: array[None] for name, array in self.record(self.last).items()}
+        flags = ("searched", "forced", "transition")
+        self.append({name: array & False if name in flags else array for name, array in still.items()})
+
+    def root(self) -> Pose:
+        """Position [3] and rotation [4] of the ground root after the last step."""
+        row = self._row(self.last)
+        return self._arrays["positions"][row, 0], self._arrays["rotations"][row, 0]
+
+    def forget_after(self, step: int) -> None:
+        """Go on from a step that is remembered: what came after it did not happen."""
+        self.last = self._clip(step)
+        self._made = [each for each in self._made if each[0] <= self.last + 1]
+
+    def take_settings(self, settings: Any, data: Any = None) -> None:
+        """Remember by what settings, and on what database, steps are made from the next one on."""
+        self._made.append((self.last + 1, settings, data))
+
+    def made_by(self, step: int) -> tuple[Any, Any]:
+        """The settings and the database that a step was made by; None where they are not known."""
+        before = [each for since, *each in self._made if since <= step]
+        return (before[-1][0], before[-1][1]) if before else (None, None)
+
+    def step_at(self, time: float) -> int:
+        """The step that leads to a time, of those remembered."""
+        return self._clip(int(np.ceil(time * self.fps - EXACTLY)))
+
+    def at(self, time: float) -> Instant:
+        """The character at a time, seconds; before and after what is remembered, at its ends."""
+        step = self.step_at(time)
+        here = self._row(step)
+        share = 1 - (step - time * self.fps)
+        positions, rotations = self._arrays["positions"][here], self._arrays["rotations"][here]
+        if step > self.first and 0 <= share < 1 - EXACTLY:
+            before = self._row(step - 1)
+            share = 0.0 if self._cuts[here] else share
+            positions, rotations = between(
+                (self._arrays["positions"][before], self._arrays["rotations"][before]),
+                (positions, rotations),
+                share,
+            )
+        record = {name: array[here].copy() for name, array in self._arrays.items()}
+        time = min(max(time, self.begin), self.end)
+        return Instant(time, step, positions.copy(), rotations.copy(), record)
+
+    def record(self, step: int) -> dict[str, NDArray]:
+        """What a step recorded by name."""
+        row = self._row(self._clip(step))
+        return {name: array[row].copy() for name, array in self._arrays.items()}
+
+    def stack(self, name: str) -> NDArray:
+        """An array of all steps remembered [T, ...]."""
+        return self._in_order(self._arrays[name])
+
+    def step_seconds(self) -> NDArray[np.float64]:
+        """Wall time of all steps remembered [T]."""
+        return self._in_order(self._seconds)
+
+    def cuts(self) -> NDArray[np.bool_]:
+        """Whether each step remembered [T] is a cut: the one before does not lead to it."""
+        return self._in_order(self._cuts)
+
+    def recording(self) -> Recording:
+        """What is remembered as a run, to be saved, or made into a clip."""
+        if "command_velocity" not in self._arrays:
+            raise UserError("a clip is no run: nothing was asked of it", remedy="export it as a clip")
+        arrays = {name: np.ascontiguousarray(self.stack(name)[:, None]) for name in self._arrays}
+        return Recording(
+            fps=self.fps,
+            arrays=arrays,
+            step_seconds=self.step_seconds(),
+            stage_seconds=np.zeros((len(self), 0)),
+            **self.about,
+        )
+
+    def clip(self, name: str = "clip") -> Clip:
+        """What is remembered as a clip."""
+        positions, rotations = (self.stack(each).astype(np.float64) for each in ("positions", "rotations"))
+        rotations = quat.unroll(quat.normalize(rotations)).astype(np.float64)
+        return Clip(name, self.skeleton, self.fps, positions, rotations)
+
+    def _clip(self, step: int) -> int:
+        return min(max(step, self.first), self.last)
+
+    def _row(self, step: int) -> int:
+        return step % (self.kept + 1)
+
+    def _in_order(self, array: NDArray) -> NDArray:
+        first, last = self.first, self.last
+        start, stop = self._row(first), self._row(last) + 1
+        return array[start:stop].copy() if start < stop else np.concatenate([array[start:], array[:stop]])
+
+
+def between(before: Pose, after: Pose, share: float) -> Pose:
+    """A share of the way from a pose to the next, each local positions [..., 3] and rotations [..., 4]."""
+    positions = before[0] + np.float32(share) * (after[0] - before[0])
+    turned = np.sum(before[1] * after[1], axis=-1, keepdims=True)
+    there = np.where(turned < 0, -after[1], after[1])
+    # Steps are short: a straight line, made whole again, is within 0.01 degrees of the arc up to 20 degrees.
+    rotations = quat.normalize(before[1] + np.float32(share) * (there - before[1]))
+    return positions, rotations.astype(np.float32)
