@@ -1,0 +1,218 @@
+"""viewer.explain: on driven courses its winner is the engine's, its costs add up, its reasons are true."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import lmm_models
+import numpy as np
+import pytest
+import synthetic
+
+from features import normalise
+from lmm import controller as controllers
+from mm import course as courses
+from mm.build import build
+from mm.codecs import stages as compressed_stages
+from mm.codecs.compressed import compress
+from mm.controller import Controller
+from mm.database import Database
+from mm.driving import at_data_speeds
+from mm.settings import Settings
+from motion import bvh
+from motion.errors import UserError
+from viewer import explain
+from viewer.controls import on_course
+from viewer.session import Session
+from viewer.timeline import Timeline
+
+
+@pytest.fixture(scope="module")
+def walks(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Walks of which no two strides are alike, one of them tagged as crouched."""
+    folder = tmp_path_factory.mktemp("uneven")
+    for i, speed in enumerate((0.8, 1.1, 1.5)):
+
+        def turn(time, i=i):
+            return np.sin((0.7 + 0.2 * i) * time + i) + 0.4 * np.sin(1.9 * time)
+
+        bvh.write(folder / f"w{i}.bvh", synthetic.walk(f"w{i}", speed=speed, turn=turn, seconds=6))
+    (folder / "tags.csv").write_text("tag,clips,start,stop\ncrouch,w0,,\nfast,w2,,\n")
+    return folder
+
+
+def built(walks: Path, schema: str) -> Database:
+    return build([walks], jobs=1, schema=schema, mirror=False, tags=walks / "tags.csv")
+
+
+@pytest.fixture(scope="module")
+def database(walks: Path) -> Database:
+    return built(walks, "mm27")
+
+
+def drive(system: Any, data: Any, seconds: float = 6.0, crouch: float = 0.3) -> Session:
+    user = courses.RandomUser(seed=4, crouch=crouch, hold=(0.3, 1.0))
+    course = at_data_speeds(courses.Course(name="user", random=user, seconds=seconds), data)
+    found = Session({"it": system}, on_course(course))
+    while found.time < seconds:
+        found.advance(0.1)
+    return found
+
+
+def searches(timeline: Timeline) -> np.ndarray:
+    return timeline.first + np.flatnonzero(timeline.stack("searched"))
+
+
+def explained(timeline: Timeline, data: Any, **options: Any) -> list[explain.Explanation]:
+    found = []
+    for step in searches(timeline):
+        settings, _ = timeline.made_by(step)
+        found.append(explain.explain(data, timeline.record(step), settings, **options))
+    return found
+
+
+@pytest.mark.parametrize("schema", ["mm27", "o3de59"])
+def test_at_every_search_of_a_course_the_winner_is_the_engines(walks: Path, schema: str) -> None:
+    database = built(walks, schema)
+    timeline = drive(Controller(database), database).actors["it"].timeline
+    found = explained(timeline, database, count=4)
+    assert len(found) > 50
+    for each in found:
+        assert each.agrees, (each.winner, each.found)
+        assert each.winner_cost == each.found_cost
+    jumps = [each for each in found if each.chosen]
+    assert len(jumps) == timeline.stack("transition").sum() > 10
+    assert all(each.chosen.frame == each.winner for each in jumps)
+    assert any(each.winner < 0 for each in found)
+
+
+def test_the_reasons_are_true(database) -> None:
+    settings = Settings(continuing_bias=0.4)
+    timeline = drive(Controller(database, settings=settings), database).actors["it"].timeline
+    ends, starts = database.stops[database.ranges()], database.starts[database.ranges()]
+    seen = set()
+    for step, each in zip(searches(timeline), explained(timeline, database, count=30), strict=True):
+        record = timeline.record(step)
+        costs = [candidate.cost for candidate in each.candidates]
+        assert costs == sorted(costs)
+        assert len({candidate.frame for candidate in each.candidates}) == len(costs)
+        for one in each.candidates:
+            f, bits = one.frame, database.tags[one.frame]
+            parts = normalise.costs(database.schema, record["query"], database.features[f])
+            np.testing.assert_array_equal(one.costs, parts)
+            assert one.cost == pytest.approx(parts.sum(), rel=1e-4, abs=1e-6)
+            assert one.clip == database.names[database.ranges()[f]]
+            assert one.seconds == pytest.approx((f - starts[f]) / 60)
+            seen.add(one.verdict)
+            near = abs(f - int(record["source"])) < 20
+            end = ends[f] - f <= 20
+            wrong = (record["required_tags"] & ~bits) | (record["forbidden_tags"] & bits)
+            if one.verdict == explain.NEAR:
+                assert near
+            elif one.verdict == explain.END:
+                assert end and not near
+            elif one.verdict == explain.TAGS:
+                assert wrong and not near and not end
+                assert "crouch" in one.reason
+            elif one.verdict == explain.PLAYING:
+                assert f == record["source"]
+            else:
+                assert not (near or end or wrong)
+                bound = {explain.CHOSEN: 0.6, explain.BEATEN: 0.6}.get(one.verdict, 1.0)
+                if one.verdict in (explain.CHOSEN, explain.BEATEN, explain.BIAS):
+                    assert one.cost < bound * record["cost_current"] * (1 + 1e-6)
+                else:
+                    assert one.verdict == explain.DEARER
+                    assert one.cost >= record["cost_current"]
+    expected = {explain.CHOSEN, explain.PLAYING, explain.NEAR, explain.TAGS, explain.DEARER, explain.BEATEN}
+    assert expected | {explain.BIAS} <= seen
+
+
+def test_a_table_has_a_row_a_candidate_and_a_column_a_feature(database) -> None:
+    timeline = drive(Controller(database), database, 2.0).actors["it"].timeline
+    each = explained(timeline, database)[-1]
+    table = each.table()
+    assert len(table) == len(each.candidates) <= explain.COUNT
+    names = [feature.name for feature in database.schema.features]
+    np.testing.assert_allclose(table[names].sum(axis=1), table["cost"], rtol=1e-4, atol=1e-6)
+    assert table["reason"].str.len().min() > 5
+
+
+def test_frames_of_one_moment_are_one_candidate(database) -> None:
+    timeline = drive(Controller(database), database, 2.0).actors["it"].timeline
+    for each in explained(timeline, database, count=20):
+        for verdict in (explain.DEARER, explain.BEATEN):
+            frames = sorted(one.frame for one in each.candidates if one.verdict == verdict)
+            assert all(np.diff(frames) > round(explain.DISTINCT * 60) // 2)
+    assert any(one.others > 5 for one in each.candidates)
+
+
+def test_settings_and_weights_of_the_time_explain_what_was_done_then(database) -> None:
+    session = drive(Controller(database), database, 3.0)
+    weighted = replace(database, features=database.features * np.float32(0.5))
+    session.retune("it", Settings(continuing_bias=0.7, ignore_radius=0.0))
+    session.advance(0.25)
+    for _ in range(12):
+        session.advance(0.25)
+    session.exchange("it", Controller(weighted))
+    for _ in range(12):
+        session.advance(0.25)
+    timeline = session.actors["it"].timeline
+    seen = 0
+    for step in searches(timeline):
+        each = explain.at(timeline, step / 60, None)
+        assert each is not None and each.agrees
+        seen += 1
+    assert seen > 80
+    assert timeline.made_by(timeline.last)[1] is weighted
+    assert explain.step_of(timeline, 0.01) == 1  # the first command makes one
+
+
+def test_a_compressed_database_explains_its_own_searches() -> None:
+    small = compress(lmm_models.database(), "float16", rigs=False)
+    timeline = drive(compressed_stages.controller(small), small.decoded(), 3.0, 0.0).actors["it"].timeline
+    found = explained(timeline, small)
+    assert len(found) > 20 and all(each.agrees for each in found)
+
+
+@pytest.mark.parametrize("learned", ["S", "D", "SD"])
+def test_searches_of_mixtures_are_explained_too(learned: str) -> None:
+    data = lmm_models.database()
+    system = controllers.controller(lmm_models.model(data), learned=learned, database=data)
+    timeline = drive(system, data, 3.0, 0.0).actors["it"].timeline
+    found = explained(timeline, data)
+    assert len(found) > 20 and all(each.agrees for each in found)
+
+
+@pytest.mark.parametrize("learned", ["P", "PSD"])
+def test_a_projectors_answer_stands_beside_the_exact_one(learned: str) -> None:
+    data = lmm_models.database()
+    model = lmm_models.linear_model(data)  # its projector answers with the query itself
+    system = controllers.controller(model, learned=learned, database=data)
+    timeline = drive(system, data, 2.0, 0.0).actors["it"].timeline
+    each = explain.at(timeline, timeline.end, data, system=system)
+    assert each is not None and each.answer is not None
+    assert each.answer.verdict == explain.ANSWER
+    assert each.answer.cost == pytest.approx(0, abs=1e-6)
+    np.testing.assert_allclose(each.answer.costs, 0, atol=1e-6)
+    assert each.table()["verdict"].iloc[-1] == "answer"
+    assert explain.at(timeline, timeline.end, data).answer is None
+
+
+def test_what_cannot_be_explained(walker) -> None:
+    data = lmm_models.database()
+    assert explain.at(Timeline.of_clip(walker), 1.0, data) is None
+    timeline = drive(Controller(data), data, 1.0, 0.0).actors["it"].timeline
+    run = Timeline.of_recording(timeline.recording())
+    whole = explain.at(run, 0.9, data)
+    assert whole is not None and whole.agrees
+    assert explain.at(run, 0.9, None) is None
+    assert explain.at(run, 0.0, data) is None
+    with pytest.raises(UserError, match="not made from this database"):
+        explain.at(run, 0.9, lmm_models.database(crouch=True))
+    older = timeline.recording()
+    del older.arrays["source"]
+    with pytest.raises(UserError, match="record it again"):
+        explain.at(Timeline.of_recording(older), 0.9, data)
