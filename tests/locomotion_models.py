@@ -11,12 +11,18 @@ import pfnn_models
 
 from lmm.locomotion.controller import LocomotionController
 from lmm.locomotion.model import LocomotionModel
+from lmm.mann import frames as mann_frames
 from lmm.mann.controller import MannController
+from lmm.pfnn import frames as pfnn_frames
 from lmm.pfnn.controller import PhaseController
 from mm.control import Command
 from motion import kinematics
 
+# What controllers that are not compiled, which take long to settle, are given by monkeypatch.
+HASTY = "lmm.locomotion.controller.SETTLING", 0.05
+NETWORKS: dict[str, Any] = {"pfnn": pfnn_models.network, "mann": mann_models.network}
 MODELS: dict[str, Any] = {"pfnn": pfnn_models.model, "mann": mann_models.model}
+FRAMES: dict[str, Any] = {"pfnn": pfnn_frames.frames, "mann": mann_frames.frames}
 CONTROLLERS: dict[str, Any] = {"pfnn": PhaseController, "mann": MannController}
 
 

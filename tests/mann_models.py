@@ -40,19 +40,6 @@ def network(*sizes: int, experts: int = 4, columns: np.ndarray | None = None, se
     )
 
 
-def standing(found: Description, contacts: int) -> np.ndarray:
-    """The outputs [O] of somebody who stands in the skeleton's rest pose, facing +Z."""
-    layout = Layout(len(found.skeleton) - 1, contacts)
-    out = np.zeros(layout.output_size, np.float32)
-    world = found.skeleton.offsets.copy()
-    for j in range(1, len(world)):
-        world[j] += world[found.skeleton.parents[j]]
-    out[layout.outputs["positions"]] = world[1:].ravel()
-    out[layout.outputs["facing"].stop - 6 : layout.outputs["facing"].stop] = 1
-    out[layout.outputs["rotations"]] = np.tile(np.concatenate([FORWARD, UP]), layout.joints)
-    return out
-
-
 def model(
     *,
     seed: int = 0,
@@ -67,9 +54,5 @@ def model(
     layout = Layout(len(found.skeleton) - 1, len(contacts))
     columns = layout.gate_columns(end_effectors(found))
     made = network(layout.input_size, 24, 24, layout.output_size, experts=experts, columns=columns, seed=seed)
-    std = np.full(layout.output_size, spread, np.float32)
-    std[layout.outputs["contacts"]] = 1
-    std[layout.outputs["root_velocity"]] = 1
-    object.__setattr__(made, "output_mean", standing(found, len(contacts)))
-    object.__setattr__(made, "output_std", std)
-    return MannModel(found, made, contacts)
+    axes = np.tile(np.concatenate([FORWARD, UP]), layout.joints)
+    return MannModel(found, pfnn_models.standing(made, layout, found, spread, rotations=axes), contacts)

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import functools
+from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import lmm_models
 import numpy as np
 
+from lmm.locomotion.layout import BlockLayout
 from lmm.pfnn.layout import Layout
 from lmm.pfnn.model import CONTACTS, PhaseModel
 from lmm.pfnn.network import PhaseNetwork
@@ -37,17 +40,22 @@ def description(fps: float = 60.0) -> Description:
     return Description.of(lmm_models.database(fps=fps))
 
 
-def standing(found: Description) -> np.ndarray:
-    """The outputs [O] of somebody who stands in the skeleton's rest pose, facing +Z, phase at 3 rad/s."""
-    layout = Layout(len(found.skeleton) - 1)
-    out = np.zeros(layout.output_size, np.float32)
+def standing(made: Any, layout: BlockLayout, found: Description, spread: float, **means: Any) -> Any:
+    """A network whose outputs are about somebody who stands in the skeleton's rest pose, facing +Z.
+
+    spread : by how much; means : those of other blocks.
+    """
+    mean, std = np.zeros(layout.output_size, np.float32), np.full(layout.output_size, spread, np.float32)
     world = found.skeleton.offsets.copy()
     for j in range(1, len(world)):
         world[j] += world[found.skeleton.parents[j]]
-    out[layout.outputs["positions"]] = world[1:].ravel()
-    out[layout.outputs["facing"].stop - 6 : layout.outputs["facing"].stop] = 1
-    out[layout.outputs["phase_rate"]] = 3
-    return out
+    outputs = layout.outputs
+    mean[outputs["positions"]] = world[1:].ravel()
+    mean[outputs["facing"].stop - 6 : outputs["facing"].stop] = 1
+    for block, values in means.items():
+        mean[outputs[block]] = values
+    std[outputs["contacts"]] = std[outputs["root_velocity"]] = 1
+    return replace(made, output_mean=mean, output_std=std)
 
 
 def model(
@@ -58,13 +66,8 @@ def model(
     layers: int = 2,
     found: Description | None = None,
 ) -> PhaseModel:
-    """A model whose outputs are about a standing pose, by so much, of so many hidden layers."""
+    """A model whose outputs are about a standing pose, by so much, of so many hidden layers; 3 rad/s."""
     found = found or description(fps)
     layout = Layout(len(found.skeleton) - 1, len(CONTACTS))
     made = network(layout.input_size, *[24] * layers, layout.output_size, seed=seed)
-    std = np.full(layout.output_size, spread, np.float32)
-    std[layout.outputs["contacts"]] = 1
-    std[layout.outputs["root_velocity"]] = 1
-    object.__setattr__(made, "output_mean", standing(found))
-    object.__setattr__(made, "output_std", std)
-    return PhaseModel(found, made)
+    return PhaseModel(found, standing(made, layout, found, spread, phase_rate=3))

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from locomotion_models import CONTROLLERS, MODELS, commands, drift, gliding, part
+from locomotion_models import CONTROLLERS, HASTY, MODELS, commands, drift, gliding, part
 
 from lmm.locomotion.controller import STAGES
 from lmm.locomotion.settings import LocomotionSettings
@@ -47,7 +47,8 @@ def test_a_character_does_the_same_in_a_crowd_bit_for_bit(
 
 
 @pytest.mark.parametrize("kind", MODELS)
-def test_compiled_and_plain_do_the_same(kind: str) -> None:
+def test_compiled_and_plain_do_the_same(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(*HASTY)
     model = MODELS[kind]()
     one, other = (CONTROLLERS[kind](model, count=4, compiled=compiled) for compiled in (True, False))
     for frame in range(30):
@@ -194,12 +195,14 @@ def test_feet_in_contact_are_held(kind: str) -> None:
     assert held[0] < 0.01 * free[0]
 
 
+@pytest.mark.parametrize("compiled", [True, False])
 @pytest.mark.parametrize("kind", MODELS)
-def test_what_cannot_be_is_said(kind: str) -> None:
+def test_what_cannot_be_is_said(kind: str, compiled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(*HASTY)
     model, controllers = MODELS[kind](), CONTROLLERS[kind]
     with pytest.raises(UserError, match="0 characters"):
         controllers(model, count=0)
-    controller = controllers(model, count=3)
+    controller = controllers(model, count=3, compiled=compiled)
     with pytest.raises(UserError, match="give 3 characters"):
         controller.step(Command.still(2))
     before, command = controller.characters.copy(), Command.still(3)

@@ -1,4 +1,4 @@
-"""lmm.mann.controller and steps: against the twin; what goes in; two feet and four."""
+"""lmm.mann.controller: its own beside `lmm.locomotion.controller`: what goes in; two feet and four."""
 
 from __future__ import annotations
 
@@ -8,95 +8,19 @@ from pathlib import Path
 import mann_models
 import numpy as np
 import pytest
-from locomotion_models import commands, drift, gliding
+from locomotion_models import HASTY, commands, drift, gliding
 
-from lmm.locomotion import settings as settings_types
-from lmm.locomotion import trajectory
 from lmm.locomotion.labelling import labels_of
 from lmm.locomotion.settings import LocomotionSettings
-from lmm.mann import steps, steps_numpy
-from lmm.mann.controller import CHARACTER, PAST, MannController
+from lmm.mann.controller import MannController
 from lmm.mann.frames import frames
 from lmm.mann.layout import to_axes
-from lmm.mann.model import MannModel
 from mm import build
 from mm.control import Command
 from mm.description import Description
 from motion import quat
 
 NO_LOCK = LocomotionSettings(foot_lock=False)
-
-
-def state(count: int, model: MannModel, seed: int) -> dict:
-    """Arguments of the kernels, characters in all sorts of states."""
-    rng = np.random.default_rng(seed)
-    joints = model.layout.joints
-
-    def numbers(*shape: int) -> np.ndarray:
-        return rng.standard_normal(shape).astype(np.float32)
-
-    characters = np.zeros(count, CHARACTER)
-    for name in CHARACTER.names:
-        characters[name] = numbers(*characters[name].shape)
-    characters["gait"] = rng.dirichlet(np.ones(6), count)
-    return {
-        "characters": characters,
-        "past": numbers(count, 60, PAST),
-        "joints": numbers(count, joints, 3),
-        "velocities": numbers(count, joints, 3),
-        "axes": numbers(count, joints, 6),
-        "x": numbers(count, model.layout.input_size),
-        "y": numbers(count, model.layout.output_size),
-        "heights": numbers(count, 12, 3),
-        "positions": numbers(count, joints + 1, 3),
-        "rotations": quat.normalize(numbers(count, joints + 1, 4)),
-        "local_velocities": numbers(count, joints + 1, 3),
-        "local_angular": numbers(count, joints + 1, 3),
-        "contacts": np.zeros((count, 2), np.uint8),
-    }
-
-
-def run(kernels, name: str, model: MannModel, stretch: bool = True) -> dict:
-    """What a kernel makes of the same state."""
-    a, controller = state(7, model, 3), MannController(model)
-    c, command, skeleton = a["characters"], commands(7), model.description.skeleton
-    into, out = controller._into, controller._out
-    settings = settings_types.record(LocomotionSettings(facing_halflife=0.1), 60, walk_mps=0.5, run_mps=1.5)
-    if name == "plan":
-        assert kernels.plan(
-            c, a["past"], 17, command.velocity, command.yaw, command.turn_rate, command.crouch, settings,
-            *trajectory.blend(10, 2.0, 5.0), controller._blend[2], a["joints"], a["velocities"], a["axes"],
-            into, a["x"],
-        ) == -1  # fmt: skip
-    elif name == "stand":
-        kernels.stand(c, a["heights"])
-    elif name == "advance":
-        obstacles = np.array([[0.2, 0.1, 0.5, 0.3, 0.1], [-1, 0, 0, 0, 0.4]], np.float32)
-        kernels.advance(c, a["past"], 5, a["y"], out, settings, obstacles)
-    else:
-        kernels.show(
-            c, a["y"], out, settings, skeleton.parents.astype(np.int64), skeleton.offsets.astype(np.float32),
-            stretch, np.array([1, 0]), a["joints"], a["velocities"], a["axes"], a["positions"],
-            a["rotations"], a["local_velocities"], a["local_angular"], a["contacts"],
-            np.zeros((model.layout.joints, 4), np.float32),
-        )  # fmt: skip
-    return a
-
-
-@pytest.mark.parametrize("name", ["plan", "stand", "show", "show rigid", "advance"])
-def test_kernels_are_their_twins(name: str) -> None:
-    model = mann_models.model()
-    name, stretch = name.removesuffix(" rigid"), not name.endswith("rigid")
-    given, one, other = state(7, model, 3), *(run(k, name, model, stretch) for k in (steps, steps_numpy))
-    changed = False
-    for key, value in one.items():
-        pairs = [(value, other[key], given[key])]
-        if value.dtype.names:
-            pairs = [(value[n], other[key][n], given[key][n]) for n in value.dtype.names]
-        for found, expected, before in pairs:
-            np.testing.assert_allclose(found, expected, rtol=2e-3, atol=5e-4, err_msg=key)
-            changed |= not np.array_equal(found, before)
-    assert changed
 
 
 def test_inputs_say_what_is_asked_and_what_was() -> None:
@@ -133,7 +57,8 @@ def test_inputs_say_what_is_asked_and_what_was() -> None:
     assert (parts.gaits[0, :, 0] < 0.2).all()
 
 
-def test_other_products() -> None:
+def test_other_products(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(*HASTY)
     controller = MannController(mann_models.model(), products="bfloat16", compiled=False)
     for _ in range(5):
         poses = controller.step(commands(1))

@@ -108,7 +108,7 @@ def drift(truth: Truth, part: str, *, runs: int = RUNS) -> Drift:
             np.degrees(np.abs(metrics.wrap(way[:, 2] - went[:, 2]))),
         )
     found = dict(zip(UNITS, metrics.or_infinite(errors), strict=True))
-    return Drift(**found | {"phase": found["phase"] if phased else None})  # type: ignore[arg-type]
+    return Drift(**found | {"phase": found["phase"] if phased else None})
 
 
 def _apart(found: Array, truth: Array) -> Array:

@@ -7,7 +7,7 @@ show the pose; move root and trajectory on; hold the feet.
 from __future__ import annotations
 
 import time
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +19,7 @@ from motion import foot_lock, foot_lock_numpy, springs
 from motion.errors import NotFinite, UserError
 from motion.pose import Poses
 
+from ..evaluator import Products
 from . import settings as settings_types
 from . import trajectory
 from .model import LocomotionModel
@@ -26,6 +27,7 @@ from .settings import LocomotionSettings
 from .window import SAMPLES, SIDES
 
 STAGES = ("trajectory", "network", "pose", "foot lock")
+FIRST = ("path", "facing", "gaits", "positions", "velocities")  # blocks of inputs that all kernels want
 SETTLING = 3.0  # seconds in which a character comes to rest out of the mean pose
 ANY_HEIGHT = 1e6  # metres; feet lock as high as they stand where the ground is not flat
 
@@ -33,50 +35,56 @@ ANY_HEIGHT = 1e6  # metres; feet lock as high as they stand where the ground is 
 class LocomotionController:
     """Drives N characters by commands; implements `mm.control.System`.
 
-    What is a network's own: its evaluator, kernels, what a character remembers, and how it stands on the
-    ground. Its constructor makes these, calls this one, and at last `_start`.
+    Whatever N, a character does the same: bit for bit, with bfloat16 products but for rounding.
+    `stage_seconds` holds the time of the last step by stage when `timed` is set. What is a network's own:
+    its evaluator, kernels, what a character remembers, and how it stands on the ground.
 
     Parameters
     ----------
-    model, count, settings, ground, obstacles, compiled, name : see the controllers.
-    network : the evaluator, which tells its `memory`.
-    kernels : a module such as `lmm.pfnn.steps`, or its twin.
-    character : dtype of one character, see `lmm.locomotion.trajectory.character`.
-    past : numbers of a past frame.
-    inputs, outputs : names of the blocks whose beginnings the kernels want, in their order.
+    model : the network and its skeleton.
+    count : N.
+    products : of the network's numbers, see the evaluators.
+    settings : see `lmm.locomotion.settings.LocomotionSettings`.
+    ground : any function of heights (`features.terrain.Ground`); flat at 0 by default.
+    obstacles : float [M, 5], see `mm.controller.Controller`; roots keep off them.
+    compiled : use the compiled kernels; False takes their NumPy twins, for tests.
+    name : what reports call this system.
     """
+
+    kernels: ClassVar[tuple[Any, Any]]  # a module such as `lmm.pfnn.steps`, and its twin
+    character: ClassVar[np.dtype] = trajectory.character()
+    past: ClassVar[int] = trajectory.PAST  # numbers of a past frame
+    fed: ClassVar[tuple[int, ...]] = (3, 3)  # numbers of a joint that it is given of its own frame before
 
     def __init__(
         self,
         model: LocomotionModel,
         *,
-        network: Any,
-        kernels: Any,
-        character: np.dtype,
-        past: int,
-        inputs: tuple[str, ...],
-        outputs: tuple[str, ...],
-        count: int,
-        settings: LocomotionSettings | None,
-        ground: Ground,
-        obstacles: ArrayLike,
-        compiled: bool,
-        name: str,
+        count: int = 1,
+        products: Products = "float32",
+        settings: LocomotionSettings | None = None,
+        ground: Ground = flat,
+        obstacles: ArrayLike = (),
+        compiled: bool = True,
+        name: str | None = None,
     ) -> None:
         if count < 1:
             raise UserError(f"{count} characters", remedy="ask for one or more")
-        self.description, self.count, self.network = model.description, count, network
-        self._model, self._steps = model, kernels
+        self.model, self.description, self.count = model, model.description, count
+        self.network = self._evaluator(products, count, compiled)
+        self._steps = self.kernels[0 if compiled else 1]
         description, layout = model.description, model.layout
         self.skeleton, self.fps = description.skeleton, description.fps
-        self.name = name
+        self.name = name or f"{model.family}-{self.network.variant}"
         self._ground = None if ground is flat else ground
         self._lock_feet = (foot_lock if compiled else foot_lock_numpy).lock_feet
         spacing = trajectory.interval(self.fps)
         self._obstacles = np.asarray(obstacles, np.float32).reshape(-1, 5)
+        # Where blocks begin: of inputs those first that any network has, then its own.
+        inputs = [layout.inputs[block] for block in dict.fromkeys((*FIRST, *layout.inputs))]
         self._into, self._out = (
-            np.array([blocks[block].start for block in wanted], np.int64)
-            for blocks, wanted in ((layout.inputs, inputs), (layout.outputs, outputs))
+            np.array([columns.start for columns in blocks], np.int64)
+            for blocks in (inputs, layout.outputs.values())
         )
         self._parents = np.ascontiguousarray(self.skeleton.parents, np.int64)
         self._offsets = self.skeleton.offsets.astype(np.float32)
@@ -89,11 +97,10 @@ class LocomotionController:
         self._contact_columns = np.array([model.contacts.index(role) for role in told], np.int64)
         self._take_settings(settings or LocomotionSettings())
 
-        self.characters = np.zeros(count, character)
-        self._past = trajectory.ring(count, spacing, past)
+        self.characters = np.zeros(count, self.character)
+        self._past = trajectory.ring(count, spacing, self.past)
         self._head = 0
-        self._joints = np.zeros((count, joints - 1, 3), np.float32)
-        self._velocities = np.zeros((count, joints - 1, 3), np.float32)
+        self._fed = tuple(np.zeros((count, joints - 1, numbers), np.float32) for numbers in self.fed)
         self._x = np.zeros((count, layout.input_size), np.float32)
         self._points = np.zeros((count, SAMPLES, SIDES, 2), np.float32)
         self._turned = np.zeros((joints - 1, 4), np.float32)
@@ -108,13 +115,17 @@ class LocomotionController:
         self.timed = False
         self._lap_start = 0.0
         self.stage_seconds = dict.fromkeys(STAGES, 0.0)
-        # What the network is given of its own frame before, by character.
-        self._fed: tuple[NDArray, ...] = (self._joints, self._velocities)
+        self._rest = self._settle()
+        self.reset(np.zeros((count, 2), np.float32), np.zeros(count, np.float32))
+
+    def _evaluator(self, products: Products, count: int, compiled: bool) -> Any:
+        """The network at run time, which tells its `variant` and `memory`."""
+        raise NotImplementedError
 
     def _take_settings(self, settings: LocomotionSettings) -> None:
         description = self.description
         # The legs first: a skeleton that lacks them leaves all as it was.
-        locks = settings.foot_lock and bool(self._model.contacts)
+        locks = settings.foot_lock and bool(self.model.contacts)
         self._legs = description.feet(settings.foot_height) if locks else None
         if self._legs is not None:
             self._lock_heights = self._legs.heights.copy()
@@ -140,11 +151,6 @@ class LocomotionController:
         self._take_settings(settings)
         if unlocked:
             self._release_feet(slice(None))
-
-    def _start(self) -> None:
-        """Find out how a character rests, and put all there."""
-        self._rest = self._settle()
-        self.reset(np.zeros((self.count, 2), np.float32), np.zeros(self.count, np.float32))
 
     def _frame(self, who: slice, command: Command, ground: Ground | None) -> int:
         """A frame of some characters, up to their feet; the first whose command is not finite, or -1."""
@@ -230,7 +236,7 @@ class LocomotionController:
         self._place(one, np.zeros((1, 2)), np.zeros(1))
         stand = np.eye(len(self.characters["gait"][0]))[0]
         self.characters["gait"][0] = self._past[0, :, 4 : trajectory.PAST] = stand
-        self._begin(self._model.layout.unpack_outputs(self._model.network.output_mean[None]))
+        self._begin(self.model.layout.unpack_outputs(self.model.network.output_mean[None]))
         for _ in range(round(SETTLING * self.fps)):
             self._frame(one, command, None)
         fed = tuple(array[0].copy() for array in self._fed)
@@ -238,7 +244,8 @@ class LocomotionController:
 
     def _begin(self, mean: Any) -> None:
         """Give the first character the joints of the mean outputs, as if it did not move."""
-        self._joints[0], self._velocities[0] = mean.positions[0], 0
+        joints, velocities = self._fed[:2]
+        joints[0], velocities[0] = mean.positions[0], 0
 
     def step(self, command: Command) -> Poses:
         """Advance one frame, 1 / fps. Returns the poses [N] shown, valid until the next step."""
@@ -279,7 +286,7 @@ class LocomotionController:
         names = self.description.tags_of(required | forbidden)
         if names:
             raise UserError(
-                f"a {self._model.kind} knows nothing of the tag {names[0]!r}", remedy="ask for no tags"
+                f"a {self.model.kind} knows nothing of the tag {names[0]!r}", remedy="ask for no tags"
             )
 
     def contacts(self) -> NDArray[np.uint8]:

@@ -77,7 +77,8 @@ def pack(
 class MixedEvaluator:
     """What evaluators of mixed weights have in common: packed sets, and room for so many rows.
 
-    A network's own is what sets count for each row: its `evaluate` writes that, and the order of the rows.
+    A network's own is what sets count for each row: its `evaluate` writes that, and the order of the rows;
+    and what tells it from others of its kind, `variant`.
 
     Parameters
     ----------
@@ -87,6 +88,8 @@ class MixedEvaluator:
     weight_bytes : of the sets as they are stored, without padding, for float32 products.
     products, count, compiled : see the evaluators.
     """
+
+    variant: str
 
     def __init__(
         self,

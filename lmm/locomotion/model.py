@@ -13,6 +13,7 @@ from mm.description import Description
 from motion import files
 from motion.errors import UserError
 
+from .layout import BlockLayout
 from .network import MixedNetwork, WeightType
 
 BONE = 1e-3  # metres that bones of one skeleton may differ by from file to file
@@ -34,6 +35,7 @@ class LocomotionModel:
     family: ClassVar[str]  # of its systems
     version: ClassVar[int]
     network_type: ClassVar[type[MixedNetwork]]
+    layout_type: ClassVar[type[BlockLayout]]
 
     description: Description
     network: Any
@@ -55,7 +57,7 @@ class LocomotionModel:
     @property
     def layout(self) -> Any:
         """What the network takes in and puts out."""
-        raise NotImplementedError
+        return self.layout_type(len(self.description.skeleton) - 1, len(self.contacts))
 
     @property
     def networks(self) -> dict[str, Any]:

@@ -31,6 +31,7 @@ class MannEvaluator(MixedEvaluator):
         count: int = 1,
         compiled: bool = True,
     ) -> None:
+        self.variant = str(network.experts)
         super().__init__(
             network,
             network.weights,

@@ -19,13 +19,9 @@ class MannModel(LocomotionModel):
     """A mode-adaptive network on a description of its data; without contacts put out no foot is locked."""
 
     kind, family, version, network_type = KIND, "mann", VERSION, MannNetwork
+    layout_type = Layout
 
     network: MannNetwork
-
-    @property
-    def layout(self) -> Layout:
-        """What the network takes in and puts out."""
-        return Layout(len(self.description.skeleton) - 1, len(self.contacts))
 
     @property
     def parameters(self) -> int:

@@ -36,6 +36,7 @@ class PhaseEvaluator(MixedEvaluator):
         compiled: bool = True,
     ) -> None:
         check_mode(mode)
+        self.variant = mode
         super().__init__(
             network,
             [sets(weight, mode) for weight in network.weights],

@@ -20,14 +20,10 @@ class PhaseModel(LocomotionModel):
     """A phase-functioned network on a description of its data."""
 
     kind, family, version, network_type = KIND, "pfnn", VERSION, PhaseNetwork
+    layout_type = Layout
 
     network: PhaseNetwork
     contacts: tuple[str, ...] = CONTACTS
-
-    @property
-    def layout(self) -> Layout:
-        """What the network takes in and puts out."""
-        return Layout(len(self.description.skeleton) - 1, len(self.contacts))
 
     @property
     def parameters(self) -> int:

@@ -1,19 +1,21 @@
-"""lmm.pfnn.trajectory and steps: against a window of 120 frames in the world, and against the twin."""
+"""lmm.locomotion.steps and a network's own: against a window of 120 frames in the world, and the twins."""
 
 from __future__ import annotations
 
 import numpy as np
 import pfnn_models
 import pytest
+from locomotion_models import CONTROLLERS, MODELS, commands
+from mann_models import NOWHERE
 
-from lmm.locomotion import settings as settings_types
+from lmm.locomotion import trajectory
+from lmm.locomotion.controller import LocomotionController
 from lmm.locomotion.settings import LocomotionSettings
-from lmm.pfnn import steps, steps_numpy, trajectory
 from lmm.pfnn.controller import PhaseController
-from lmm.pfnn.layout import GAITS, Inputs
+from lmm.pfnn.layout import Inputs
 from lmm.pfnn.model import PhaseModel
 from mm.control import Command
-from motion import kinematics, quat, springs
+from motion import foot_lock, kinematics, quat, springs
 
 WINDOW, NOW = 120, 60
 
@@ -40,8 +42,8 @@ class Window:
         # Somebody at rest is going nowhere: the future lies where the root is.
         self.phase, self.velocity, self.target = float(c["phase"]), np.zeros(2), float(c["root"][2])
         self.height = float(c["height"])
-        self.joints = self.to_world(start._joints[0].astype(float), self.height)
-        self.joint_velocities = self.turned(start._velocities[0].astype(float))
+        joints, velocities = (fed[0].astype(float) for fed in start._fed)
+        self.joints, self.joint_velocities = self.to_world(joints, self.height), self.turned(velocities)
         self.before = (self.path[NOW].copy(), self.yaws[NOW], self.height)
 
     def turned(self, vectors: np.ndarray, yaw: float | None = None) -> np.ndarray:
@@ -152,97 +154,73 @@ def test_samples_are_a_sixth_of_a_second_apart(fps: float, frames: int) -> None:
     assert sums.sum() == pytest.approx(total, rel=1e-6)
 
 
-def state(count: int, model: PhaseModel, seed: int) -> dict:
-    """Arguments of the kernels, characters in all sorts of states."""
-    rng = np.random.default_rng(seed)
-    joints = model.layout.joints
-
-    def numbers(*shape: int) -> np.ndarray:
-        return rng.standard_normal(shape).astype(np.float32)
-
-    characters = np.zeros(count, trajectory.CHARACTER)
-    for name in characters.dtype.names:
-        characters[name] = numbers(*characters[name].shape)
-    characters["gait"] = rng.dirichlet(np.ones(len(GAITS)), count)
-    characters["crouch"] = rng.random(count)
-    past = numbers(count, 60, trajectory.PAST)
-    return {
-        "characters": characters,
-        "past": past,
-        "joints": numbers(count, joints, 3),
-        "velocities": numbers(count, joints, 3),
-        "x": numbers(count, model.layout.input_size),
-        "y": numbers(count, model.layout.output_size),
-        "velocity": numbers(count, 2),
-        "yaw": numbers(count) * 3,
-        "turn_rate": numbers(count),
-        "crouch": rng.random(count) < 0.5,
-        "points": numbers(count, 12, 3, 2),
-        "heights": numbers(count, 12, 3),
-        "positions": numbers(count, joints + 1, 3),
-        "rotations": quat.normalize(numbers(count, joints + 1, 4)),
-        "local_velocities": numbers(count, joints + 1, 3),
-        "local_angular": numbers(count, joints + 1, 3),
-        "contacts": np.zeros((count, 2), np.uint8),
-    }
+def any_state(kind: str, *, compiled: bool, stretch: bool = True) -> LocomotionController:
+    """Characters in all sorts of states, the same at every call, with kernels compiled or not."""
+    settings = LocomotionSettings(facing_halflife=0.1, position_bias=2.0, direction_bias=5.0, stretch=stretch)
+    obstacles = [[0.2, 0.1, 0.5, 0.3, 0.1], [-1, 0, 0, 0, 0.4]]
+    controller = CONTROLLERS[kind](MODELS[kind](), count=7, settings=settings, obstacles=obstacles)
+    controller._steps = controller.kernels[0 if compiled else 1]
+    rng = np.random.default_rng(3)
+    for array in (*fields(controller.characters), *controller._held()[1:]):
+        if array.dtype == np.float32:
+            array[:] = rng.standard_normal(array.shape)
+    controller.characters["gait"] = rng.dirichlet(np.ones(6), 7)
+    controller.characters["crouch"] = rng.random(7)
+    controller._shown.rotations[:] = quat.normalize(controller._shown.rotations)
+    controller._head = 17
+    return controller
 
 
-def run(kernels, name: str, model: PhaseModel, stretch: bool = True) -> dict:
-    """What a kernel makes of the same state."""
-    a = state(7, model, 3)
-    c, x, y = a["characters"], a["x"], a["y"]
-    description = model.description
-    into, out = (
-        np.array([part.start for part in blocks.values()], np.int64)
-        for blocks in (model.layout.inputs, model.layout.outputs)
-    )
-    settings = settings_types.record(LocomotionSettings(facing_halflife=0.1), 60, walk_mps=0.5, run_mps=1.5)
+def fields(characters: np.ndarray) -> list[np.ndarray]:
+    return [characters[name] for name in characters.dtype.names]
+
+
+def call(controller: LocomotionController, name: str) -> None:
+    """One of its kernels, with all that a frame gives it."""
+    c, everyone, rng = controller, commands(7), np.random.default_rng(4)
+    y = rng.standard_normal((7, c.model.layout.output_size)).astype(np.float32)
+    if c.model.family == "mann":
+        columns = c.model.layout.outputs["rotations"].start + np.arange(6)
+        y[: len(NOWHERE), columns], y[6, columns[2]] = NOWHERE, np.nan
+    kernels, shown = c._steps, c._shown
     if name == "plan":
-        blend = trajectory.blend(10, 2.0, 5.0)
-        assert kernels.plan(
-            c, a["past"], 17, a["velocity"], a["yaw"], a["turn_rate"], a["crouch"], settings, *blend,
-            a["joints"], a["velocities"], into, x,
-        ) == -1  # fmt: skip
-    elif name == "sample_points":
-        kernels.sample_points(c, into, x, a["points"])
-    elif name == "write_heights":
-        kernels.write_heights(c, a["heights"], into, x)
-    elif name == "advance":
-        obstacles = np.array([[0.2, 0.1, 0.5, 0.3, 0.1], [-1, 0, 0, 0, 0.4]], np.float32)
-        kernels.advance(c, a["past"], 5, y, out, settings, obstacles)
-    else:
-        scratch, columns = np.zeros((model.layout.joints, 4), np.float32), np.array([1, 3])
-        kernels.show(
-            c, y, out, settings, description.skeleton.parents.astype(np.int64),
-            description.skeleton.offsets.astype(np.float32), stretch, columns, a["joints"], a["velocities"],
-            a["positions"], a["rotations"], a["local_velocities"], a["local_angular"], a["contacts"], scratch,
+        wrong = kernels.plan(
+            c.characters, c._past, c._head, everyone.velocity, everyone.yaw, everyone.turn_rate,
+            everyone.crouch, c._settings, *c._blend, *c._fed, c._into, c._x,
         )  # fmt: skip
-    return a
+        assert wrong == -1
+    elif name == "sample_points":
+        kernels.sample_points(c.characters, c._into, c._x, c._points)
+    elif name == "stand":
+        c._stand(c.characters, c._points[..., 0].copy(), c._x)
+    elif name == "show":
+        kernels.show(
+            c.characters, y, c._out, c._settings, c._parents, c._offsets, c.settings.stretch,
+            c._contact_columns, *c._fed, *shown.arrays().values(), c._contacts, c._turned,
+        )  # fmt: skip
+    else:
+        kernels.advance(c.characters, c._past, c._head, y, c._out, c._settings, c._obstacles)
 
 
-@pytest.mark.parametrize("name", ["plan", "sample_points", "write_heights", "show", "show rigid", "advance"])
-def test_kernels_are_their_twins(name: str) -> None:
-    model = pfnn_models.model()
-    name, stretch = name.removesuffix(" rigid"), not name.endswith("rigid")
-    given, one, other = state(7, model, 3), *(run(k, name, model, stretch) for k in (steps, steps_numpy))
-    changed = False
-    for key, value in one.items():
-        pairs = [(value, other[key], given[key])]
-        if value.dtype.names:
-            pairs = [(value[n], other[key][n], given[key][n]) for n in value.dtype.names]
-        for found, expected, before in pairs:
-            np.testing.assert_allclose(found, expected, rtol=2e-3, atol=2e-4, err_msg=key)
-            changed |= not np.array_equal(found, before)
+@pytest.mark.parametrize("name", ["plan", "sample_points", "stand", "show", "show rigid", "advance"])
+@pytest.mark.parametrize("kind", MODELS)
+def test_kernels_are_their_twins(kind: str, name: str) -> None:
+    stretch, changed = not name.endswith("rigid"), False
+    one, other = (any_state(kind, compiled=compiled, stretch=stretch) for compiled in (True, False))
+    before = one.remember()[0]
+    for controller in (one, other):
+        call(controller, name.removesuffix(" rigid"))
+    for n, (found, expected) in enumerate(zip(one._held(), other._held(), strict=True)):
+        parts = [(found, expected)] if n else zip(fields(found), fields(expected), strict=True)
+        for values in parts if found.dtype != foot_lock.FOOT else ():
+            np.testing.assert_allclose(*values, rtol=2e-3, atol=5e-4, err_msg=f"array {n}")
+        changed |= found.tobytes() != before[n].tobytes()
     assert changed
 
 
-@pytest.mark.parametrize("kernels", [steps, steps_numpy])
-def test_a_command_that_is_not_finite_is_named_before_anything_is_done(kernels) -> None:
-    model = pfnn_models.model()
-    controller = PhaseController(model, count=3, compiled=kernels is steps)
-    before = controller.characters.copy()
-    command = Command.still(3)
-    command.velocity[1, 0] = np.nan
-    with pytest.raises(Exception, match="character 1 is not finite"):
-        controller.step(command)
-    np.testing.assert_array_equal(controller.characters, before)
+@pytest.mark.parametrize("compiled", [True, False])
+def test_axes_without_direction_turn_nothing_and_no_numbers_stay_none(compiled: bool) -> None:
+    controller = any_state("mann", compiled=compiled)
+    call(controller, "show")
+    np.testing.assert_allclose(controller._shown.rotations[: len(NOWHERE), 1], [[1, 0, 0, 0]] * len(NOWHERE))
+    assert np.isnan(controller._shown.rotations[6, 1]).all()
