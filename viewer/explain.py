@@ -58,7 +58,7 @@ class Candidate:
     clip, seconds, mirrored : the clip that it is of, and how far in that.
     cost : for the query; costs float32 [features], its parts.
     verdict : one word of those above; reason : for people.
-    others : frames within 0.2 s of it that are dearer and left out for the same reason.
+    others : frames within 0.2 s of it that stand for the same moment.
     """
 
     frame: int

@@ -24,6 +24,7 @@ from motion.pose import Poses
 
 from .timeline import EXACTLY, SECONDS, Instant, Timeline
 
+_PARTS = tuple(part.name for part in fields(Command))
 MOST = 0.25  # seconds of real time that are made up for at once: a window that was dragged is no fast-forward
 
 
@@ -55,16 +56,17 @@ class Actor:
     Attributes
     ----------
     timeline : what it did; its last step is where it is.
+    resumable : the system, where it can go back.
+    memories : step, where it was then, its pilot, and what that one remembered; as far as the timeline goes.
     error : what ended it, until it is reset.
-    memories : step, where it was then, its pilot, and what that one remembered; as far as the timeline goes,
-        None where the system cannot go back.
     """
 
     name: str
     system: System
     timeline: Timeline
+    memories: deque[tuple[int, Any, Pilot, Any]]
+    resumable: Resumable | None = None
     error: str | None = None
-    memories: deque[tuple[int, Any, Pilot, Any]] | None = None
 
     @property
     def time(self) -> float:
@@ -130,9 +132,8 @@ class Session:
         if system.count != 1:
             raise ValueError(f"{name} drives {system.count} characters, expected 1")
         timeline = Timeline(system.skeleton, system.fps, seconds=self._seconds, start=start)
-        goes_back = isinstance(system, Resumable)
-        actor = Actor(name, system, timeline, memories=deque(maxlen=timeline.kept) if goes_back else None)
-        self._tell_settings(actor)
+        actor = Actor(name, system, timeline, deque(maxlen=timeline.kept))
+        self._take_system(actor, system)
         return actor
 
     def take_pilot(self, pilot: Pilot) -> None:
@@ -184,7 +185,7 @@ class Session:
         if actor.error is None:
             which = list(self.actors).index(actor.name)
             asked = self._command(actor.time)
-            command = Command(*(getattr(asked, part.name)[which : which + 1] for part in fields(Command)))
+            command = Command(*(getattr(asked, part)[which : which + 1] for part in _PARTS))
             start = self._clock()
             try:
                 poses = actor.system.step(command)
@@ -206,8 +207,8 @@ class Session:
 
     def _keep(self, actor: Actor, command: Command, poses: Poses, **how: Any) -> None:
         actor.timeline.append(recording.step(actor.system, command, poses), **how)
-        if actor.memories is not None and isinstance(actor.system, Resumable):
-            remembered = actor.system.remember()
+        if actor.resumable is not None:
+            remembered = actor.resumable.remember()
             actor.memories.append((actor.timeline.last, remembered, self.pilot, self.pilot.remember()))
 
     # Places
@@ -272,7 +273,7 @@ class Session:
     @property
     def fixed(self) -> tuple[str, ...]:
         """Names of those who cannot go back: what stands around a controller may not."""
-        return tuple(name for name, actor in self.actors.items() if actor.memories is None)
+        return tuple(name for name, actor in self.actors.items() if actor.resumable is None)
 
     def resume(self) -> None:
         """Go on from the time that is looked at: what came after it is forgotten.
@@ -297,11 +298,11 @@ class Session:
 
     def _go_back(self, actor: Actor, step: int) -> tuple[Pilot, Any]:
         """The pilot of that step, and what it remembered."""
-        assert actor.memories is not None and isinstance(actor.system, Resumable)
+        assert actor.resumable is not None  # `resume` asks
         while actor.memories[-1][0] > step:
             actor.memories.pop()
         _, remembered, pilot, of_pilot = actor.memories[-1]
-        actor.system.recall(remembered)
+        actor.resumable.recall(remembered)
         actor.timeline.forget_after(step)
         actor.error = None
         return pilot, of_pilot
@@ -321,20 +322,25 @@ class Session:
     def retune(self, name: str, settings: Any) -> None:
         """Let a system go on by other settings; those that it cannot take on its way are a UserError."""
         actor = self.actors[name]
-        if not isinstance(actor.system, Resumable):
+        if actor.resumable is None:
             raise UserError(f"{name} keeps the settings that it was made with", remedy="make it anew")
-        actor.system.retune(settings)
-        self._tell_settings(actor)
+        actor.resumable.retune(settings)
+        self._tell_made(actor)
 
     def exchange(self, name: str, system: System) -> None:
         """Let another system, made alike but for its settings or weights, go on where one is."""
         actor = self.actors[name]
-        if isinstance(system, Resumable) and isinstance(actor.system, Resumable):
-            system.recall(actor.system.remember())
-        actor.system = system
-        self._tell_settings(actor)
+        before = actor.resumable
+        self._take_system(actor, system)
+        if before is not None and actor.resumable is not None:
+            actor.resumable.recall(before.remember())
 
-    def _tell_settings(self, actor: Actor) -> None:
-        actor.timeline.about = recording.about(actor.system)
+    def _take_system(self, actor: Actor, system: System) -> None:
+        # Asking for the protocol takes longer than a step.
+        actor.system, actor.resumable = system, system if isinstance(system, Resumable) else None
+        self._tell_made(actor)
+
+    def _tell_made(self, actor: Actor) -> None:
         system = actor.system
+        actor.timeline.about = recording.about(system)
         actor.timeline.take_settings(getattr(system, "settings", None), getattr(system, "database", None))
