@@ -207,21 +207,22 @@ class _Builder:
         shares = [float((self.place[j] - thighs) @ way / (way @ way)) for j in spine]
         ends = self.shape.torso[0][0], self.shape.torso[-1][0]
         stops = [*shares[1:], ends[1]]
-        for joint, start, stop in zip(spine, shares, stops, strict=True):
+        slim = 1 - _PLATE * np.arange(len(spine))[::-1]  # each a little wider than the one below it
+        for joint, start, stop, wide in zip(spine, shares, stops, slim, strict=True):
             if joint == hips:
-                self.trunk(joint, way, thighs, ends[0], max(stop, _PELVIS))
+                self.trunk(joint, way, thighs, (ends[0], max(stop, _PELVIS)), wide)
             elif stop - start > _THIN:
-                self.trunk(joint, way, thighs, start, stop)
+                self.trunk(joint, way, thighs, (start, stop), wide)
         if "neck" in self.roles and "head" in self.roles:
             self.neck()
 
-    def trunk(self, joint: int, way: Array, origin: Array, start: float, stop: float) -> None:
+    def trunk(self, joint: int, way: Array, origin: Array, part: tuple[float, float], wide: float) -> None:
         """A piece of the torso, in a joint's axes, from one share to another of the way from origin."""
-        table, length = np.array(self.shape.torso), float(np.linalg.norm(way))
+        table, length, (start, stop) = np.array(self.shape.torso), float(np.linalg.norm(way)), part
         grid = np.unique(np.concatenate([np.linspace(start, stop, 5), table[:, 0].clip(start, stop)]))
         half = np.stack([np.interp(grid, table[:, 0], table[:, i]) for i in (1, 2, 3)], -1) * self.scale
         half[:, 0] *= self.breadth()
-        half[:, :2] *= _INSIDE if start < 0 else 1.0
+        half[:, :2] *= wide
         frame = _frame(quat.rotate(quat.inv(self.turn[joint]), way / length), self.left(joint))
         rows = [(g * length, *h) for g, h in zip(grid, half, strict=True)]
         shade = self.torso_colour * (0.72 if start < 0 else 1.0)
@@ -259,6 +260,11 @@ class _Builder:
             return
         up, left = self.axis(joint, 0), self.left(joint)
         ahead = np.cross(left, up)
+        tip = self.skeleton.end_sites.get(joint)
+        if self.anatomy.on_all_fours and tip is not None and np.linalg.norm(tip) > _SHORT:
+            ahead = tip - left * (left @ tip)  # such a head ends at the nose
+            ahead = ahead / np.linalg.norm(ahead)
+            up = np.cross(ahead, left)
         axes = np.stack([up, left, ahead])
         high, wide, deep, above, before = np.array(self.shape.head) * self.scale
         centre = up * above + ahead * before
@@ -414,7 +420,7 @@ class _Builder:
 
 _LEG = (("up_leg", "leg"), ("leg", "foot"))
 _PELVIS, _THIN = 0.2, 0.06  # shares of the way from thighs to shoulders: the pelvis' top, the least piece
-_INSIDE = 0.975  # by which the pelvis is slimmer than what overlaps it
+_PLATE = 0.015
 _SHOULDERS = {False: 0.36, True: 0.11}  # metres between the arms of a usual person, and of a usual dog
 
 

@@ -1,0 +1,140 @@
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from motion.clip import Clip
+from motion.errors import UserError
+from viewer import body, film, shows, views
+from viewer.stage import Stage
+from viewer.views import View
+
+SIZE = (96, 72)
+
+
+def pictures(count: int, size: tuple[int, int] = (33, 21)) -> Iterator[np.ndarray]:
+    for i in range(count):
+        image = np.zeros((size[1], size[0], 3), np.uint8)
+        image[:, : (i + 1) * size[0] // count] = 255
+        yield image
+
+
+def middle(image: np.ndarray, side: str) -> float:
+    """The mean column of what is of a side's colour."""
+    shade = 255 * body.SIDES[side]
+    hue = image - image.mean(axis=-1, keepdims=True)
+    like = hue @ (shade - shade.mean())
+    return float(np.argwhere(like > 0.5 * like.max())[:, 1].mean())
+
+
+def test_a_picture_is_written_as_it_is(tmp_path: Path) -> None:
+    image = next(pictures(2))
+    assert film.write(tmp_path / "one.png", iter([image])) == 1
+    np.testing.assert_array_equal(np.asarray(Image.open(tmp_path / "one.png")), image)
+
+
+def test_a_gif_lasts_as_long_as_it_should(tmp_path: Path) -> None:
+    assert film.write(tmp_path / "f.gif", pictures(9), fps=30.0) == 9
+    with Image.open(tmp_path / "f.gif") as found:
+        assert found.n_frames == 9 and found.size == (33, 21)
+        lasts, light = [], []
+        for i in range(9):
+            found.seek(i)
+            lasts.append(found.info["duration"])
+            light.append(np.asarray(found.convert("L")).mean())
+    assert sum(lasts) == pytest.approx(300, abs=10)
+    assert all(last % 10 == 0 for last in lasts)
+    assert (np.diff(light) > 0).all()
+
+
+def test_an_mp4_has_all_frames_at_its_rate(tmp_path: Path) -> None:
+    av = pytest.importorskip("av")
+    assert film.write(tmp_path / "f.mp4", pictures(12, (65, 47)), fps=24.0) == 12
+    with av.open(str(tmp_path / "f.mp4")) as found:
+        frames = [frame.to_ndarray(format="rgb24") for frame in found.decode(video=0)]
+        assert float(found.streams.video[0].average_rate) == 24
+    assert len(frames) == 12
+    assert frames[0].shape == (48, 66, 3)  # even
+    assert (np.diff([frame.mean() for frame in frames]) > 0).all()
+
+
+def test_a_film_that_breaks_off_leaves_nothing(tmp_path: Path) -> None:
+    def broken() -> Iterator[np.ndarray]:
+        yield from pictures(3)
+        raise RuntimeError("the third was the last")
+
+    for name in ("f.png", "f.gif", "f.mp4"):
+        if name != "f.png":
+            with pytest.raises(RuntimeError, match="third"):
+                film.write(tmp_path / name, broken())
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_names_and_missing_libraries_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("f.avi", "film"):
+        with pytest.raises(UserError, match=r"name it \*\.png, \*\.gif, \*\.mp4"):
+            film.write(tmp_path / name, pictures(1))
+    monkeypatch.setitem(__import__("sys").modules, "av", None)
+    with pytest.raises(UserError, match=r"av is not installed; pip install 'motion-matching\[viewer\]'"):
+        film.write(tmp_path / "f.mp4", pictures(1))
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.fixture(scope="module")
+def straight(walker_clips: list[Clip]) -> Stage:
+    return Stage([shows.of_clip(walker_clips[0])])
+
+
+@pytest.mark.parametrize(("side", "sign"), [("front", 1), ("back", -1)])
+def test_left_is_left(straight: Stage, side: str, sign: int) -> None:
+    view = View(azimuth=np.radians(views.SIDES[side]))
+    (image,) = views.film(straight, [1.0], SIZE, view)
+    assert sign * (middle(image, "left") - middle(image, "right")) > 2
+
+
+def test_a_camera_that_follows_keeps_the_walker_in_the_middle(straight: Stage) -> None:
+    times = np.arange(0, 3, 0.2).tolist()
+    images = list(views.film(straight, times, SIZE, View(azimuth=np.pi / 2)))
+    assert len(images) == len(times)
+    places = [(middle(image, "left") + middle(image, "right")) / 2 for image in images]
+    assert np.abs(np.array(places) - SIZE[0] / 2).max() < 0.12 * SIZE[0]
+    assert not np.array_equal(images[0], images[-1])
+
+
+def test_a_camera_that_stands_sees_it_pass(straight: Stage) -> None:
+    images = list(views.film(straight, [0.0, 1.5, 3.0], SIZE, View("fixed", azimuth=np.pi / 2)))
+    places = [middle(image, "left") for image in images]
+    # Seen from its left, it walks to the left of the picture, and is in it all the time.
+    assert SIZE[0] > places[0] > places[1] + 8 > places[2] + 16 > 16
+
+
+def test_an_orbit_comes_to_the_other_side(straight: Stage) -> None:
+    times = np.arange(0, 2.01, 0.25).tolist()
+    images = list(views.film(straight, times, SIZE, View("orbit", azimuth=0.0, turn=4.0)))
+    sides = [middle(image, "left") - middle(image, "right") for image in (images[0], images[-1])]
+    assert sides[0] > 2 and sides[1] < -2
+
+
+def test_a_strip_has_its_poses_side_by_side(straight: Stage) -> None:
+    size = (250, 80)
+    parts = list(views.strip(straight, [0.5, 1.0, 1.5], size, View(azimuth=np.pi / 2)))
+    assert [part.shape[:2] for part in parts] == [(80, 83), (80, 84), (80, 83)]
+    whole = views.joined(parts)
+    assert whole.shape == (80, 250, 3)
+    for part in parts:
+        assert abs((middle(part, "left") + middle(part, "right")) / 2 - 41.5) < 9
+
+
+def test_all_of_several_are_seen(walker_clips: list[Clip]) -> None:
+    stage = Stage([shows.of_clip(clip) for clip in walker_clips[:3]])
+    view = View(azimuth=0.0, elevation=0.1)
+    (image,) = views.film(stage, [0.0], (160, 72), view)
+    shade = body.SIDES["left"] - body.SIDES["left"].mean()
+    hue = (image / 255 - image.mean(axis=-1, keepdims=True) / 255) @ shade
+    columns = np.flatnonzero((hue > 0.5 * hue.max()).any(axis=0))
+    assert (np.diff(columns) > 3).sum() == 2  # three, apart from each other
+    assert columns.min() > 4 and columns.max() < 156
