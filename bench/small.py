@@ -18,7 +18,7 @@ from motion import files
 from motion.errors import UserError
 from motion.pose import Poses
 
-from .entry import Decoder, Entry, called
+from .entry import Entry, called
 
 if TYPE_CHECKING:
     from mm.codecs.compressed import Compressed
@@ -78,7 +78,6 @@ class _Source:
         self.is_file = files.kind(given) == "file"
         self.codec = Compressed.load(given).codec if self.is_file else parse(given)
         self.title = Path(given).stem if self.is_file else self.codec.whole_name
-        self.poses: Decoder = self._poses  # one object, so that who shares it is known
 
     def indexes(self) -> tuple[str, ...]:
         """Search indexes that the features are stored for."""
@@ -103,7 +102,8 @@ class _Source:
             self._last[key] = found
         return self._last[key]
 
-    def _poses(self, database: Database, frames: NDArray[np.int32]) -> Poses:
+    def poses(self, database: Database, frames: NDArray[np.int32]) -> Poses:
+        """Poses decoded of frames [N]."""
         return self.of(database).decode(frames)[0]
 
     def system(
@@ -116,6 +116,7 @@ class _Source:
         *,
         obstacles: ArrayLike = (),
     ) -> System:
+        """A controller on it."""
         from mm.codecs.stages import controller
         from mm.settings import Settings
 

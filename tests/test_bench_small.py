@@ -6,8 +6,10 @@ import linear_models
 import lmm_models
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from bench import pose_error, systems
+from bench.cli import main
 from bench.compare import compare
 from bench.entry import as_stored
 from mm.build import build
@@ -61,6 +63,11 @@ def test_rows_of_codecs_have_all_that_others_have(database, tmp_path):
         < rows["memory_mb"]["mm-exact"]
     )
     assert "pose_held_cm" not in rows
+
+
+def test_what_is_no_codec_is_an_error_before_the_work(walker_files):
+    result = CliRunner().invoke(main, ["compare", str(walker_files), "--codecs", "quantised-11,zip"])
+    assert result.exit_code == 2 and "no codec 'zip'" in result.stderr
 
 
 def test_a_file_of_another_database_is_left_out(database, tmp_path):

@@ -49,11 +49,25 @@ def test_velocities_are_recomputed_of_what_is_rounded_anyway() -> None:
         ("keyframes-0", "an error of 0 cm"),
         ("keyframes-101", "an error of 101 cm"),
         ("keyframes-1+keyframes-2", "no codec 'keyframes-2'"),
+        ("features", "no codec 'features'"),
+        ("features-4bit", "'4bit'.*8bit, pq"),
+        ("features-pq+features-8bit", "no codec 'features-8bit'"),
     ],
 )
 def test_what_is_no_codec(name: str, message: str) -> None:
     with pytest.raises(UserError, match=message):
         parse(name)
+
+
+def test_features_stand_in_the_whole_name() -> None:
+    whole = "keyframes-0.5+quantised-11+features-8bit"
+    codec = parse(whole)
+    assert codec == Codec("quantised", 11, True, 0.5, "8bit") and codec.whole_name == whole
+    assert codec.name == "keyframes-0.5+quantised-11"
+    assert (
+        parse("features-pq").whole_name == "float32+features-pq" and parse("float16").whole_name == "float16"
+    )
+    assert parse("float16+features-pq", features="8bit").features == "pq"
 
 
 def test_unknown_features() -> None:

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import gc
 import tracemalloc
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-WARM = 30  # frames that grow what grows once
+from mm.control import Command
+
+WARM, FRAMES = 30, 90  # frames that grow what grows once, and that are counted
+CHANGE, FASTEST = 20, 2.0  # frames after which something else is asked for, and m/s at most
 
 
 @dataclass(frozen=True)
@@ -32,6 +36,19 @@ class Allocations:
     kept_bytes: int
 
 
+def wander(count: int, *, frames: int = WARM + FRAMES, seed: int = 0) -> list[Command]:
+    """Commands of characters that each are asked for something else three times a second."""
+    rng, command, out = np.random.default_rng(seed), Command.still(count), []
+    for t in range(frames):
+        if t % CHANGE == 0:
+            command = Command.still(count)
+            command.yaw[:] = rng.uniform(-np.pi, np.pi, count)
+            speed = rng.uniform(0, FASTEST, count)
+            command.velocity[:] = speed[:, None] * np.column_stack([np.sin(command.yaw), np.cos(command.yaw)])
+        out.append(command)
+    return out
+
+
 def of_steps(system: Any, commands: Sequence[Any]) -> Allocations:
     """Step a system with commands, the first 30 of which are not counted."""
     for command in commands[:WARM]:
@@ -39,43 +56,43 @@ def of_steps(system: Any, commands: Sequence[Any]) -> Allocations:
     counted = commands[WARM:]
     temporaries, searched = np.zeros(len(counted)), np.zeros(len(counted), bool)
     gc.collect()
-    tracemalloc.start()
-    try:
-        for t, command in enumerate(counted):
-            before, _ = tracemalloc.get_traced_memory()
-            tracemalloc.reset_peak()
-            system.step(command)
-            temporaries[t] = tracemalloc.get_traced_memory()[1] - before
-            searched[t] = _searched(system)
-            if t == 0:
-                start = tracemalloc.get_traced_memory()[0]
-        gc.collect()
-        kept = tracemalloc.get_traced_memory()[0] - start
-    finally:
-        tracemalloc.stop()
+    with _counting_blocks() as taken:
+        tracemalloc.start()
+        try:
+            start, _ = tracemalloc.get_traced_memory()
+            for t, command in enumerate(counted):
+                before, _ = tracemalloc.get_traced_memory()
+                tracemalloc.reset_peak()
+                system.step(command)
+                temporaries[t] = tracemalloc.get_traced_memory()[1] - before
+                searched[t] = _searched(system)
+            gc.collect()
+            kept = tracemalloc.get_traced_memory()[0] - start
+        finally:
+            tracemalloc.stop()
+        blocks = taken() / max(1, len(counted))
     parts = temporaries[~searched], temporaries[searched]
     quiet, busy = (float(part.mean()) if part.size else np.nan for part in parts)
-    return Allocations(quiet, busy, _blocks(system, counted), kept)
+    return Allocations(quiet, busy, blocks, kept)
 
 
 def _searched(system: Any) -> bool:
+    """Whether anyone searched in the last step."""
     characters = getattr(system, "characters", None)
-    return bool(
-        characters is not None and "searching" in characters.dtype.names and characters["searching"].any()
-    )
+    fields: tuple[str, ...] = () if characters is None else characters.dtype.names
+    return "searching" in fields and bool(system.characters["searching"].any())
 
 
-def _blocks(system: Any, commands: Sequence[Any]) -> float:
-    """Blocks a step that numba's runtime takes."""
-    from numba.core.runtime import _nrt_python  # type: ignore[attr-defined]
+@contextmanager
+def _counting_blocks() -> Iterator[Any]:
+    """What gives the blocks that numba's runtime has taken since here."""
+    from numba.core.runtime import _nrt_python as runtime  # type: ignore[attr-defined]
 
-    counting = _nrt_python.memsys_stats_enabled()
-    _nrt_python.memsys_enable_stats()
+    counting = runtime.memsys_stats_enabled()
+    runtime.memsys_enable_stats()
+    before = runtime.memsys_get_stats_alloc()
     try:
-        before = _nrt_python.memsys_get_stats_alloc()
-        for command in commands:
-            system.step(command)
-        return (_nrt_python.memsys_get_stats_alloc() - before) / max(1, len(commands))
+        yield lambda: runtime.memsys_get_stats_alloc() - before
     finally:
         if not counting:
-            _nrt_python.memsys_disable_stats()
+            runtime.memsys_disable_stats()

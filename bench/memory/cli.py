@@ -22,7 +22,7 @@ from motion import console
 @click.option(
     "--counts",
     type=Listed(int),
-    default="1,256",
+    default="1,16",
     show_default=True,
     help="Characters whose steps are watched.",
 )

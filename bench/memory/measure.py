@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,14 +14,11 @@ import pandas as pd
 from bench import timing
 from bench.compare import memory_mb
 from bench.entry import Entry
-from bench.learned import ENDINGS
 from bench.pose_error import COLUMNS, PARTS, PoseErrors, held_by_all
 from bench.systems import choose, entries, without_legs
 from lmm.pfnn.spline import SETS
-from mm import course as courses
 from mm.database import Database
-from mm.driving import Clock, at_data_speeds, drive
-from motion import console, files
+from motion import console
 from motion.errors import UserError
 
 from . import allocations, published, resident, stored
@@ -31,8 +27,7 @@ from .pareto import front
 if TYPE_CHECKING:
     from lmm.models import AnyModel
 
-COUNTS = (1, 256)
-FRAMES = 150  # of which the first do not count
+COUNTS = (1, 16)
 DRIFT_STEPS, DRIFT_STARTS = 10, 500
 KINDS = {
     "mm": "search in all of the data",
@@ -99,7 +94,7 @@ def measure(
     held = held_by_all(model.held_out for model in models.values())
     errors, notes, rows = PoseErrors(database, held), [], []
     with tempfile.TemporaryDirectory(prefix="memory-") as folder:
-        made_of = _Files(database, path, models, Path(folder))
+        made_of = stored.Files(database, path, models, Path(folder))
         steps = _Steps(database, models)
         for entry in progress(chosen, label="memory", unit="systems"):
             try:
@@ -108,14 +103,19 @@ def measure(
                 notes.append(f"{entry.name} is left out: {why}")
                 continue
             row: dict[str, Any] = {"system": entry.name, "kind": _kind(entry, models), "about": entry.about}
-            row |= made_of.sizes(entry) | memory_mb(system)
+            subject = made_of.subject(entry)
+            row |= stored.sizes(subject) | memory_mb(system)
             del system
-            row |= made_of.peaks(entry) if peaks and resident.known_here() else {}
+            if peaks and resident.known_here():
+                found = resident.measure(subject)
+                row |= {"peak_mb": found.peak / 1e6, "resident_mb": found.kept / 1e6}
             row |= steps.allocated(entry, counts)
-            with suppress(UserError):
-                row |= steps.errors(entry) if entry.decoder is None else errors.of(entry.decoder)
             row["error"] = "one step" if entry.decoder is None else "decoded"
-            row |= steps.drift(entry, held)
+            try:
+                row |= steps.errors(entry) if entry.decoder is None else errors.of(entry.decoder)
+                row |= steps.drift(entry, held)
+            except UserError as why:
+                notes.append(f"the error of {entry.name} is not known: {why}")
             rows.append(row)
     if not rows:
         raise UserError("no system could be measured", path=path, remedy=notes[0] if notes else "name some")
@@ -184,69 +184,11 @@ def _kind(entry: Entry, models: Mapping[str, AnyModel]) -> str:
     return KINDS["small" if entry.source else "mm"]
 
 
-class _Files:
-    """The files that systems are read from; those of a codec or of other weights are made for the while."""
-
-    def __init__(self, database: Database, path: str, models: Mapping[str, AnyModel], folder: Path) -> None:
-        self._database, self._path, self._models, self._folder = database, path, models, folder
-        self._made: tuple[Any, ...] = ()
-
-    def sizes(self, entry: Entry) -> dict[str, float]:
-        """stored_mb and by part."""
-        subject = self._subject(entry)
-        out: dict[str, float] = {}
-        for path in (*subject.models, *subject.codecs, *filter(None, [subject.database])):
-            for part, size in stored.parts(path).items():
-                name = f"stored_{part.replace(' ', '_')}_mb"
-                out[name] = out.get(name, 0) + size / 1e6
-        return {"stored_mb": sum(out.values())} | out
-
-    def peaks(self, entry: Entry) -> dict[str, float]:
-        """peak_mb and resident_mb."""
-        found = resident.measure(self._subject(entry))
-        return {"peak_mb": found.peak / 1e6, "resident_mb": found.kept / 1e6}
-
-    def _subject(self, entry: Entry) -> resident.Subject:
-        """What a process of its own needs to make a system: the files, and its name there."""
-        if not entry.source:
-            return resident.Subject(entry.name, self._path)
-        made = self._file(entry)
-        free = "" if entry.locked else "-free"
-        if entry.source not in self._models:
-            index = entry.name.split("-", 2)[1]
-            return resident.Subject(f"mm-{index}-{made.stem}{free}", codecs=[str(made)])
-        kind = made.suffix.removeprefix(".")
-        ending = ENDINGS[entry.weights] if entry.weights == "bfloat16" else ""
-        database = None if entry.alone else self._path
-        return resident.Subject(f"{kind}-{entry.way}{ending}{free}", database, [str(made)])
-
-    def _file(self, entry: Entry) -> Path:
-        """A codec's file, or a model's, its weights as they are held, without what it needs no more."""
-        from lmm.model import Model
-        from lmm.models import kind_of, with_weights
-        from mm.codecs.compressed import compress
-
-        if entry.source not in self._models and files.kind(entry.source) == "file":
-            return Path(entry.source)
-        model = self._models.get(entry.source)
-        key = entry.source, entry.weights, entry.alone
-        path = self._folder / ("small.mmdb" if model is None else f"model.{kind_of(model)}")
-        if self._made != key:
-            self._made = key
-            if model is None:
-                compress(self._database, entry.source, rigs=False).save(path)
-            else:
-                held, _ = with_weights(model, entry.weights)
-                (held.without_latents() if entry.alone and isinstance(held, Model) else held).save(path)
-        return path
-
-
 class _Steps:
     """What is found by running systems: allocations, and errors of those that decode no frames."""
 
     def __init__(self, database: Database, models: Mapping[str, AnyModel]) -> None:
         self._database, self._models = database, models
-        self._course = at_data_speeds(courses.load("random"), database)
         self._truths: dict[str, Any] = {}
         self._drifts: dict[tuple[str, str | None], float] = {}
 
@@ -254,11 +196,7 @@ class _Steps:
         """frame_bytes_N, search_bytes_N, blocks_N and kept_bytes_N."""
         out: dict[str, float] = {}
         for count in counts:
-            system = entry.make(self._database, count)
-            clock = Clock(self._course, count, system.fps, spread=True)
-            next(frame for frame in drive(system, clock) if frame == FRAMES)
-            system.reset(clock.starts, clock.yaws)
-            found = allocations.of_steps(system, clock.commands[:FRAMES])
+            found = allocations.of_steps(entry.make(self._database, count), allocations.wander(count))
             out |= {f"{name}_{count}": value for name, value in asdict(found).items()}
         return out
 

@@ -26,6 +26,7 @@ def against_error(systems: pd.DataFrame) -> Any:
     picture, axes = figure(5.6 * len(panels), 5.2, len(panels))
     kinds = list(dict.fromkeys(systems["kind"]))
     errors = np.concatenate([systems[column] for _, column, _ in panels]).astype(float)
+    names: list[tuple[Any, NDArray, NDArray, list[str], NDArray[np.bool_]]] = []
     floor = np.nanmin(errors[errors > 0], initial=1.0) / 3
     for one, (part, column, front) in zip(axes, panels, strict=True):
         rows = systems[systems[column].notna()]
@@ -44,6 +45,9 @@ def against_error(systems: pd.DataFrame) -> Any:
                     )  # fmt: skip
         one.set_xscale("log")
         one.set_yscale("log")
+        for axis in (one.xaxis, one.yaxis):
+            axis.set_major_formatter("{x:g}")
+            axis.set_minor_formatter("")
         one.set_xlabel("MB (10^6 bytes) held of one character and all data")
         one.set_ylabel(f"joint error, {part} clips, cm")
         one.grid(True, which="major")
@@ -52,9 +56,12 @@ def against_error(systems: pd.DataFrame) -> Any:
             across = one.get_yaxis_transform()
             one.text(0.99, floor, "as in the data", transform=across, ha="right", va="bottom", fontsize=6)
         one.margins(0.12)
-        _label(one, memory, error, [_short(name) for name in rows["system"]], best)
+        names.append((one, memory, error, [_short(name) for name in rows["system"]], best))
     handles = dict(zip(*reversed(axes[0].get_legend_handles_labels()), strict=True))
     picture.legend(handles.values(), handles, loc="outside upper center", ncols=4, fontsize=7)
+    picture.draw_without_rendering()  # so that it is known where points are
+    for of_panel in names:
+        _label(*of_panel)
     return picture
 
 
@@ -75,7 +82,6 @@ def _short(name: str) -> str:
 
 def _label(axes: Any, x: NDArray, y: NDArray, names: list[str], bold: NDArray[np.bool_]) -> None:
     """Names beside points, moved up or down where they would lie on each other."""
-    axes.figure.draw_without_rendering()
     places = axes.transAxes.inverted().transform(axes.transData.transform(np.column_stack([x, y])))
     taken: list[tuple[float, float, float]] = []
     for i in np.argsort(-places[:, 1]):
