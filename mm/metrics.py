@@ -19,6 +19,8 @@ Array = NDArray[np.floating]
 SKATE_HEIGHT = 0.025  # H of the foot-skate formula, metres
 CONTACT_HEIGHT, SKATE_SPEED = 0.05, 0.5  # skate ratio: metres, m/s
 MOVING, FEWEST = 0.25, 10  # the root's speed, m/s, and the frames from which a foot's resting height is known
+# Ways out of the ground to the side: metres, and to how many sides.
+ASIDE, DIRECTIONS = (0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2), 12
 SMOOTHING = 0.2  # seconds over which the root's speed and heading are averaged
 PATH_WINDOW = (0.5, 1.5)  # metres back and ahead along the path that the next frame's nearest point may lie
 
@@ -222,23 +224,33 @@ def over_ground(points: Array, ground: Ground) -> Array:
     return points
 
 
-def sink(soles: Array, rest: ArrayLike = 0.0) -> Array:
-    """How deep [T, ...] the deepest sole is below where it rests, cm; 0 where none is, NaN without feet.
+def sink(soles: Array, ground: Ground, rest: ArrayLike = 0.0) -> Array:
+    """How deep [T, ...] the deepest sole is in the ground, cm; 0 where none is, NaN without feet.
 
-    soles [T, ..., C, P, 3] are P points of each of C feet, metres, y over the ground (`over_ground`); they
-    rest at heights rest [C, P].
+    soles [T, ..., C, P, 3] are P points of each of C feet in the world, metres, which rest so high above the
+    ground, rest [C, P]. The depth is the shortest way out, straight up or to the side (as `ASIDE` has it): a
+    heel that is 3 cm in the riser of a stair is 3 cm deep, however high the stair.
     """
-    deep = np.asarray(rest) - np.asarray(soles, np.float64)[..., 1]
-    deep = deep.reshape(*deep.shape[:-2], -1)
-    return 100 * np.maximum(deep, 0).max(axis=-1) if deep.size else np.full(deep.shape[:-1], np.nan)
+    soles = np.array(soles, np.float64)
+    soles[..., 1] -= rest
+    depth = np.maximum(-over_ground(soles, ground)[..., 1], 0)
+    inside = depth > 0
+    x, y, z = soles[inside].T
+    for away in ASIDE:
+        for angle in 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS:
+            up = ground(x + away * np.sin(angle), z + away * np.cos(angle)) - y
+            depth[inside] = np.minimum(depth[inside], np.hypot(away, np.maximum(up, 0)))
+    depth = depth.reshape(*depth.shape[:-2], -1)
+    return 100 * depth.max(axis=-1) if depth.size else np.full(depth.shape[:-1], np.nan)
 
 
-def hover(soles: Array, planted: ArrayLike, rest: ArrayLike = 0.0) -> float:
-    """Mean height over its rest of a planted foot's lowest point, cm, nothing where that is lower.
+def hover(soles: Array, ground: Ground, planted: ArrayLike, rest: ArrayLike = 0.0) -> float:
+    """Mean height of a planted foot's lowest sole over where it rests, cm, nothing where that is lower.
 
-    soles and rest as of `sink`; planted [T, ..., C]: feet that are to be on the ground. NaN where none is.
+    soles, ground and rest as of `sink`; planted [T, ..., C] are the feet that are to be on the ground. NaN
+    where none is.
     """
-    above = (np.asarray(soles, np.float64)[..., 1] - np.asarray(rest))[np.asarray(planted, bool)]
+    above = (over_ground(soles, ground)[..., 1] - np.asarray(rest))[np.asarray(planted, bool)]
     return 100 * mean(np.maximum(above, 0).min(axis=-1)) if len(above) else float("nan")
 
 

@@ -197,9 +197,8 @@ def _of_feet(
 
     planted [T, ..., C] are the feet that are to be on the ground, if that is known.
     """
-    standing, root = feet.place(world, turned), world[..., 0, [0, 2]]
-    if ground is not None:
-        standing = metrics.over_ground(standing, ground)
+    toes, root = feet.place(world, turned), world[..., 0, [0, 2]]
+    standing = toes if ground is None else metrics.over_ground(toes, ground)
     row = {
         "skate_cm_s": metrics.foot_skate(standing, fps, feet.rest),
         "skate_ratio": metrics.skate_ratio(standing, fps, feet.rest),
@@ -207,13 +206,13 @@ def _of_feet(
         "airborne_share": metrics.airborne_share(standing, feet.rest),
     }
     if ground is not None and feet.heels is not None:
-        heels = metrics.over_ground(feet.heels.place(world, turned), ground)
-        soles, rest = np.stack([standing, heels], axis=-2), np.stack([feet.rest, feet.heels.rest], axis=-1)
-        sunk = metrics.sink(soles, rest)
+        soles = np.stack([toes, feet.heels.place(world, turned)], axis=-2)
+        rest = np.stack([feet.rest, feet.heels.rest], axis=-1)
+        sunk = metrics.sink(soles, ground, rest)
         row |= {
             "sink_cm": metrics.mean(sunk),
             "sink_p99_cm": float(np.percentile(sunk, 99)),
-            "hover_cm": float("nan") if planted is None else metrics.hover(soles, planted, rest),
+            "hover_cm": float("nan") if planted is None else metrics.hover(soles, ground, planted, rest),
         }
     return row, standing
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from features.terrain import flat
 from mm import metrics
 from motion import kinematics, quat
 
@@ -144,17 +145,39 @@ def soles(heights: np.ndarray) -> np.ndarray:
 
 
 def test_a_frame_sinks_as_deep_as_its_deepest_sole():
-    np.testing.assert_allclose(metrics.sink(soles(SOLES), RESTS), [0, 3, 0], atol=1e-12)
+    np.testing.assert_allclose(metrics.sink(soles(SOLES), flat, RESTS), [0, 3, 0], atol=1e-12)
     two = np.stack([SOLES, SOLES - 0.01], axis=1)  # a second character stands 1 cm lower
-    np.testing.assert_allclose(metrics.sink(soles(two), RESTS), [[0, 1], [3, 4], [0, 1]], atol=1e-12)
-    assert np.isnan(metrics.sink(np.zeros((3, 0, 2, 3)))).all()
+    np.testing.assert_allclose(metrics.sink(soles(two), flat, RESTS), [[0, 1], [3, 4], [0, 1]], atol=1e-12)
+    raised = metrics.sink(soles(SOLES + 0.5), lambda x, z: 0.5 + 0 * x, RESTS)
+    np.testing.assert_allclose(raised, [0, 3, 0], atol=1e-12)
+    assert np.isnan(metrics.sink(np.zeros((3, 0, 2, 3)), flat)).all()
+
+
+def test_the_shortest_way_out_of_the_ground_may_be_to_the_side():
+    def stair(x, z):
+        return np.where(x < 0, 0.3, 0.0)
+
+    def sunk(*point: float, ground=stair) -> float:
+        return float(metrics.sink(np.array(point).reshape(1, 1, 1, 3), ground)[0])
+
+    assert sunk(0.001, 0.0, 5.0) == 0
+    assert sunk(-0.04, 0.0, 5.0) == pytest.approx(5)  # 4 cm, but ways out are 3, 5, 7, ... cm long
+    assert sunk(-0.04, 0.29, 5.0) == pytest.approx(1)  # nearer to the top
+    assert sunk(-0.04, -0.03, 5.0) == pytest.approx(np.hypot(3, 5))  # aside, and up to the lower floor
+    assert sunk(-0.5, 0.1, 5.0) == pytest.approx(20)
+    # A slope of 45 degrees, 10 cm above the point: 7.07 cm away, up it and against it.
+    assert sunk(1.0, 0.9, 0.0, ground=lambda x, z: x) == pytest.approx(100 * 0.1 / np.sqrt(2), rel=0.01)
 
 
 def test_a_planted_foot_hovers_by_its_lowest_point():
     # Planted and above rest: frame 0 not at all; frame 2 the left one by 3 (its toe), the right by 0 (heel).
-    assert metrics.hover(soles(SOLES), [[1, 1], [0, 0], [1, 1]], RESTS) == pytest.approx((0 + 0 + 3 + 0) / 4)
-    assert metrics.hover(soles(SOLES), [[0, 0], [1, 1], [1, 0]], RESTS) == pytest.approx((0 + 0 + 3) / 3)
-    assert np.isnan(metrics.hover(soles(SOLES), np.zeros((3, 2)), RESTS))
+    assert metrics.hover(soles(SOLES), flat, [[1, 1], [0, 0], [1, 1]], RESTS) == pytest.approx(
+        (0 + 0 + 3 + 0) / 4
+    )
+    assert metrics.hover(soles(SOLES), flat, [[0, 0], [1, 1], [1, 0]], RESTS) == pytest.approx(
+        (0 + 0 + 3) / 3
+    )
+    assert np.isnan(metrics.hover(soles(SOLES), flat, np.zeros((3, 2)), RESTS))
 
 
 def test_smooth_is_a_centred_average():
