@@ -232,7 +232,7 @@ def sink(soles: Array, ground: Ground, rest: ArrayLike = 0.0) -> Array:
     heel that is 3 cm in the riser of a stair is 3 cm deep, however high the stair.
     """
     soles = np.array(soles, np.float64)
-    soles[..., 1] -= rest
+    soles[..., 1] -= np.asarray(rest)
     depth = np.maximum(-over_ground(soles, ground)[..., 1], 0)
     inside = depth > 0
     x, y, z = soles[inside].T

@@ -171,12 +171,8 @@ def test_the_shortest_way_out_of_the_ground_may_be_to_the_side():
 
 def test_a_planted_foot_hovers_by_its_lowest_point():
     # Planted and above rest: frame 0 not at all; frame 2 the left one by 3 (its toe), the right by 0 (heel).
-    assert metrics.hover(soles(SOLES), flat, [[1, 1], [0, 0], [1, 1]], RESTS) == pytest.approx(
-        (0 + 0 + 3 + 0) / 4
-    )
-    assert metrics.hover(soles(SOLES), flat, [[0, 0], [1, 1], [1, 0]], RESTS) == pytest.approx(
-        (0 + 0 + 3) / 3
-    )
+    for planted, mean in (([[1, 1], [0, 0], [1, 1]], 3 / 4), ([[0, 0], [1, 1], [1, 0]], 3 / 3)):
+        assert metrics.hover(soles(SOLES), flat, planted, RESTS) == pytest.approx(mean)
     assert np.isnan(metrics.hover(soles(SOLES), flat, np.zeros((3, 2)), RESTS))
 
 
