@@ -128,10 +128,14 @@ def _learned(name: str, model: AnyModel, letters: str, data: Data | None) -> Par
 def read(paths: Sequence[str | os.PathLike[str]]) -> Sources:
     """All that files hold; folders are searched for clips. No path: the networks that ship.
 
-    UserErrors: what is no such file; a model that is of none of the databases given; a run that none of them
-    made.
+    UserErrors: what is no such file, or is given twice; a model that is of none of the databases given; a run
+    that none of them made.
     """
     found = Sources()
+    known = [os.path.realpath(path) for path in paths]
+    for path, real in zip(paths, known, strict=True):
+        if known.count(real) > 1:
+            raise UserError("it is given twice", path=path, remedy="name it once")
     if not paths:
         found.models["lmm"] = models.load(BUILT_IN)
         return found
@@ -140,9 +144,11 @@ def read(paths: Sequence[str | os.PathLike[str]]) -> Sources:
         for kind, name, thing in _read(path):
             into: dict[str, Any] = getattr(found, kind)
             if name in into:
-                name = f"{name}-{Path(path).stem}"
+                name = f"{name}-{Path(path).stem if kind == 'models' else Path(path).resolve().parent.name}"
             if name in into:
-                raise UserError(f"two of what is given are called {name}", path=path, remedy="rename a file")
+                raise UserError(
+                    f"two of what is given are called {name}", path=path, remedy="rename one file"
+                )
             into[name] = thing
             where[id(thing)] = path
     _check(found, where)
