@@ -69,6 +69,7 @@ class Size(click.ParamType):
     "--distance", type=console.SIZE, metavar="M", help="Metres to the camera.  [default: shows all]"
 )
 @click.option("--turn", type=console.SECONDS, default=8.0, show_default=True, help="Seconds of one orbit.")
+@click.option("--no-skin", is_flag=True, help="Made bodies also where a glTF file has its own.")
 @click.option("--dark", is_flag=True, help="Dark background.")
 @click.option("--names/--no-names", default=None, help="Names above the characters.  [default: of several]")
 def main(
@@ -84,6 +85,7 @@ def main(
     elevation: float,
     distance: float | None,
     turn: float,
+    no_skin: bool,
     dark: bool,
     names: bool | None,
 ) -> None:
@@ -105,7 +107,7 @@ def main(
     files.check_output(offscreen, inputs=sources)
     if form == ".mp4":
         film.check_mp4()
-    shows = _load(sources)
+    shows = _load(sources, skinned=not no_skin)
     stage = Stage(
         shows, theme=scene.DARK if dark else scene.LIGHT, names=len(shows) > 1 if names is None else names
     )
@@ -130,7 +132,9 @@ def main(
     click.echo(f"wrote {count} picture{'s' * (count != 1)} to {offscreen}", err=True)
 
 
-def _load(sources: tuple[str, ...]) -> list[Show]:
+def _load(sources: tuple[str, ...], *, skinned: bool) -> list[Show]:
     from . import shows
 
-    return [shows.load(path) for path in console.progress(sources, label="reading", unit="files")]
+    return [
+        shows.load(path, skinned=skinned) for path in console.progress(sources, label="reading", unit="files")
+    ]

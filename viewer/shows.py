@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,8 @@ from mm.recording import Recording
 from motion import anatomy, files, kinematics, root, sources
 from motion.clip import Clip
 from motion.errors import UserError
+from motion.gltf import Skin
+from motion.gltf import skin as skin_of
 from motion.options import about
 from motion.skeleton import Skeleton
 
@@ -20,7 +22,15 @@ from .timeline import between
 
 Array = NDArray[np.floating]
 
+SKINNED = (".gltf", ".glb")
 MOST = 64  # characters of a recording that are shown
+
+
+class Worn(NamedTuple):
+    """A skin, and the joints [J'] of a show's skeleton that it hangs on, in its order."""
+
+    skin: Skin
+    joints: NDArray[np.int64]
 
 
 class Show(Protocol):
@@ -31,6 +41,7 @@ class Show(Protocol):
     name : what stands above them.
     skeleton : J joints; where one has the role root, it is joint 0, on the ground, +Z ahead.
     body : what they look like.
+    skin : the mesh of a file that they wear instead, and which joints of the skeleton are its own; or None.
     fps : frames a second at which new poses come; between them poses are interpolated.
     count : N.
     seconds : how long it lasts; None: as long as one looks.
@@ -39,6 +50,7 @@ class Show(Protocol):
     name: str
     skeleton: Skeleton
     body: Body
+    skin: Worn | None
     fps: float
     count: int
     seconds: float | None
@@ -55,6 +67,7 @@ class Recorded:
         self, name: str, skeleton: Skeleton, fps: float, positions: Array, rotations: Array, shape: Body
     ) -> None:
         self.name, self.skeleton, self.fps, self.body = name, skeleton, fps, shape
+        self.skin: Worn | None = None
         self.positions = np.asarray(positions, np.float32)
         self.rotations = np.asarray(rotations, np.float32)
         self.count = positions.shape[1]
@@ -75,16 +88,22 @@ class Recorded:
         return kinematics.forward(self.skeleton, positions, rotations)
 
 
-def load(path: str | os.PathLike[str]) -> Recorded:
+def load(path: str | os.PathLike[str], *, skinned: bool = True) -> Recorded:
     """The show of a motion file or of a recording (`mm run --record`), whichever path is.
 
+    skinned : whether a glTF file's own mesh is shown, where it has one, not a body made of its skeleton.
     Errors: UserError for what is neither; of a file with several animations one is named, ``hero.glb#Walk``.
     """
     if files.kind(sources.split(path)[0]) == "file" and files.format_of(sources.split(path)[0]):
         return of_recording(Recording.load(path), name=os.path.splitext(os.path.basename(path))[0])
     clip = sources.load(path)
-    with about(sources.split(path)[0]):
-        return of_clip(clip)
+    file, animation = sources.split(path)
+    with about(file):
+        show = of_clip(clip)
+        if skinned and file.suffix.lower() in SKINNED:
+            worn = skin_of(file, animation)
+            show.skin = None if worn is None else _worn(worn, clip.skeleton, show.skeleton)
+    return show
 
 
 def of_clip(clip: Clip) -> Recorded:
@@ -104,6 +123,14 @@ def of_recording(run: Recording, *, name: str | None = None) -> Recorded:
         raise UserError("no frames to show")
     positions, rotations = run["positions"][:, :MOST], run["rotations"][:, :MOST]
     return Recorded(name or run.system, run.skeleton, run.fps, positions, rotations, shape_of(run.clip(0)))
+
+
+def _worn(skin: Skin, own: Skeleton, shown: Skeleton) -> Worn | None:
+    """The skin on the joints of a skeleton that may have got a ground root, or another one than its own."""
+    if own.roles.get("root") is not None and (skin.joints == own.roles["root"]).any():
+        return None  # its root is ours now, and turned otherwise
+    first = len(shown) - len(own)
+    return Worn(skin, np.arange(first, len(shown)))
 
 
 def grounded(clip: Clip) -> Clip:

@@ -7,13 +7,15 @@ that it begins at its own place, facing +Z, the first one leftmost as seen from 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motion import quat
 
-from .scene import LIGHT, Labels, Scene, Solids, Theme
+from . import skin
+from .scene import LIGHT, Labels, Scene, Solids, Surface, Theme
 from .shows import Show
 
 Array = NDArray[np.floating]
@@ -41,8 +43,7 @@ class Stage:
         self.roots = np.zeros((0, 3))
         self.yaws = np.zeros(0)
         for i, show in enumerate(self.shows):
-            empty = np.zeros((show.count, len(show.body.parts), 3, 4), np.float32)
-            self.scene.layers[f"{i} {show.name}"] = Solids(parts=show.body.parts, transforms=empty)
+            self._dress(i, show)
         self._names = Labels(
             texts=[show.name for show in self.shows],
             positions=np.zeros((len(self.shows), 3), np.float32),
@@ -62,8 +63,8 @@ class Stage:
         roots, yaws, tops = [], [], []
         for i, show in enumerate(self.shows):
             positions, rotations = self.pose(i, time)
-            layer = self.scene.layers[f"{i} {show.name}"]
-            layer.update(transforms=show.body.transforms(positions, rotations))
+            for name, values in _looks(i, show, positions, rotations).items():
+                self.scene.layers[name].update(**values)
             stands, faces = _stance(show, positions, rotations)
             roots.append(stands)
             yaws.append(faces)
@@ -101,6 +102,12 @@ class Stage:
         """How wide one of them is at most, metres."""
         return _SPAN * self.tall
 
+    def _dress(self, i: int, show: Show) -> None:
+        """Make the layers of a show."""
+        for name, values in _looks(i, show, *self.pose(i, 0.0)).items():
+            made = Solids(parts=show.body.parts, **values) if "transforms" in values else Surface(**values)
+            self.scene.layers[name] = made
+
     def _places(self) -> tuple[list[Array], list[Array]]:
         if len(self.shows) == 1:
             return [quat.identity()], [np.zeros(3)]
@@ -113,6 +120,17 @@ class Stage:
             turns.append(turn)
             moves.append(place - quat.rotate(turn, stands.mean(axis=0)))
         return turns, moves
+
+
+def _looks(i: int, show: Show, positions: Array, rotations: Array) -> dict[str, dict[str, Any]]:
+    """What the layers of show i hold in a pose, by their names."""
+    if show.skin is None:
+        return {f"{i} {show.name}": {"transforms": show.body.transforms(positions, rotations)}}
+    worn, joints = show.skin
+    return {
+        f"{i} {show.name} {c}": {"mesh": skin.mesh(worn, positions[c, joints], rotations[c, joints])}
+        for c in range(show.count)
+    }
 
 
 def _stance(show: Show, positions: Array, rotations: Array) -> tuple[Array, Array]:

@@ -6,5 +6,6 @@ as they stand in the file.
 """
 
 from .clips import animations, read, read_all
+from .skins import Skin, skin
 
-__all__ = ["animations", "read", "read_all"]
+__all__ = ["Skin", "animations", "read", "read_all", "skin"]

@@ -78,26 +78,37 @@ def read(
     anything amiss in the file is a UserError.
     """
     document = open_document(path)
-    found = _motions(document)
+    motion = _chosen(document, animation)
+    name, source = Path(path).stem, Path(path)
+    if animation is not None:
+        name, source = animation, Path(f"{os.fspath(path)}#{animation}")
+    clip = _clip(document, motion, own_frames).replace(name=name, source=source)
+    return clip if fps is None else clip.replace(fps=float(fps))
+
+
+def rig_of(document: Document, animation: str | None = None) -> Rig:
+    """The nodes that an animation's skeleton is made of; what animation is, see `read`."""
+    return _chosen(document, animation).rig
+
+
+def _chosen(document: Document, animation: str | None) -> _Motion:
+    found, path = _motions(document), document.path
     if animation is None:
         if len(found) > 1:
             raise UserError(
                 f"{len(found)} animations: {listed([motion.label for motion in found])}",
                 path=path,
-                remedy=f"name one, as {os.path.basename(path)}#{found[0].label}",
+                remedy=f"name one, as {path.name}#{found[0].label}",
             )
-        motion, name, source = found[0], Path(path).stem, Path(path)
-    else:
-        motion = next((m for m in found if m.label == animation), None)  # type: ignore[assignment]
-        if motion is None:
-            raise UserError(
-                f"no animation {animation!r}",
-                path=path,
-                remedy=f"the file has {listed([m.label for m in found])}",
-            )
-        name, source = animation, Path(f"{os.fspath(path)}#{animation}")
-    clip = _clip(document, motion, own_frames).replace(name=name, source=source)
-    return clip if fps is None else clip.replace(fps=float(fps))
+        return found[0]
+    for motion in found:
+        if motion.label == animation:
+            return motion
+    raise UserError(
+        f"no animation {animation!r}",
+        path=path,
+        remedy=f"the file has {listed([motion.label for motion in found])}",
+    )
 
 
 def read_all(path: str | os.PathLike[str], *, fps: float | None = None) -> list[Clip]:
@@ -176,18 +187,10 @@ def _clip(document: Document, motion: _Motion, own_frames: bool) -> Clip:
         )
     instants = start + np.arange(frames) / fps
     positions, rotations, scales = _local(nodes, rig, tracks, instants, fps)
-    at_rest = [rigs.rest(nodes.items[node]) for node in rig.chain]
-    rest_positions, rest_rotations, rest_scales = (
-        np.stack([pose[i] for pose in at_rest])[None] for i in range(3)
-    )
-    tree = Skeleton(tuple(map(str, rig.chain)), rig.parents, rest_positions[0])
-    rest_place, rest_turn, rest_size = _world(nodes, rig, tree, rest_positions, rest_rotations, rest_scales)
-    place, turn, _ = _world(nodes, rig, tree, positions, rotations, scales)
+    rest_place, rest_turn, rest_size = rest_pose(document, rig, own_frames=own_frames)
+    place, turn, _ = _world(nodes, rig, positions, rotations, scales)
 
     joints = slice(rig.above, None)
-    if not own_frames:
-        bound = bind.pose(document, rig, rest_place[0], rest_turn[0])
-        rest_place, rest_turn = bound[0][None], bound[1][None]
     frame = quat.identity(len(rig.names)) if own_frames else rest_turn[0, joints]
     parents = np.where(rig.parents[joints] >= rig.above, rig.parents[joints] - rig.above, -1)
     ends = {}
@@ -201,6 +204,21 @@ def _clip(document: Document, motion: _Motion, own_frames: bool) -> Clip:
     turned = turn[:, joints] if own_frames else quat.mul(turn[:, joints], quat.inv(frame))
     local = kinematics.local(skeleton, np.ascontiguousarray(place[:, joints]), np.ascontiguousarray(turned))
     return Clip(motion.label, skeleton, fps, local[0], kinematics.unroll(local[1]), source=document.path)
+
+
+def rest_pose(
+    document: Document, rig: Rig, *, own_frames: bool = False
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Places [1, C, 3], rotations [1, C, 4] and sizes [1, C] in the world of a rig's chain at rest: where its
+    skin was bound, or with own_frames as the nodes stand in the file."""
+    nodes = rigs.read_nodes(document)
+    at_rest = [rigs.rest(nodes.items[node]) for node in rig.chain]
+    positions, rotations, scales = (np.stack([pose[i] for pose in at_rest])[None] for i in range(3))
+    place, turn, size = _world(nodes, rig, positions, rotations, scales)
+    if not own_frames:
+        bound = bind.pose(document, rig, place[0], turn[0])
+        place, turn = bound[0][None], bound[1][None]
+    return place, turn, size
 
 
 def _tracks(document: Document, motion: _Motion) -> dict[tuple[int, str], keys.Sampler]:
@@ -295,7 +313,6 @@ def _once(function: Callable[[keys.Sampler], Any]) -> Callable[[keys.Sampler], A
 def _world(
     nodes: Nodes,
     rig: Rig,
-    tree: Skeleton,
     positions: NDArray[np.float64],
     rotations: NDArray[np.float64],
     scales: NDArray[np.float64],
@@ -312,5 +329,6 @@ def _world(
         sizes[:, j] = own * sizes[:, parent] if parent >= 0 else own
     scaled = positions.copy()
     scaled[:, 1:] *= sizes[:, rig.parents[1:], None]
+    tree = Skeleton(tuple(map(str, rig.chain)), rig.parents, np.zeros((len(rig.chain), 3)))
     place, turn = kinematics.forward(tree, scaled, rotations)
     return place, turn, sizes

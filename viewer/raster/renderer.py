@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from .. import shapes
 from ..camera import NEAR, Camera, axes, focal, matrix, project
 from ..scene import Arrows, Floats, Labels, Layer, Lines, Mesh, Points, Scene, Solids, Surface, Theme, colour
-from . import kernels, text
+from . import kernels, kernels_numpy, text
 
 STANDARD = 720  # the height of pictures for which widths and sizes are given
 _SUN, _SKY, _BOUNCE = 0.78, (0.36, 0.38, 0.41), (0.17, 0.16, 0.15)
@@ -51,11 +51,7 @@ class Renderer:
         if min(width, height) < 1:
             raise ValueError(f"a picture of {width} x {height}")
         self.width, self.height = width, height
-        self._loops: Any = kernels
-        if not compiled:
-            from . import kernels_numpy
-
-            self._loops = kernels_numpy
+        self._loops: Any = kernels if compiled else kernels_numpy
         rows, columns = 2 * height, 2 * width
         self._depth = np.zeros((rows, columns), np.float32)
         self._ids = np.full((rows, columns), kernels.NONE, np.int32)
