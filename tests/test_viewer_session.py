@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import threading
 import time
 from typing import Any
@@ -15,13 +16,15 @@ from lmm import controller as controllers
 from mm.control import Command, System
 from mm.controller import Controller
 from mm.settings import Settings
-from motion import quat
+from motion import kinematics, quat
 from motion.errors import NotFinite, UserError
 from motion.pose import Poses
 from motion.skeleton import Skeleton
 from viewer.controls import Hands, Stick
 from viewer.live import Live
+from viewer.played import Played, shape_of
 from viewer.session import Session
+from viewer.stage import Stage
 from viewer.timeline import between
 
 SKELETON = Skeleton(("root", "arm"), np.array([-1, 0], np.int32), np.array([[0, 0, 0], [0, 1, 0.0]]))
@@ -297,6 +300,25 @@ def test_a_system_that_comes_later_stands_where_the_first_one_is() -> None:
     assert found.begin == pytest.approx(7 / 30)
     with pytest.raises(UserError, match="a late already"):
         found.add("late", Walker(), pilot)
+
+
+def test_actors_are_shown_side_by_side(shown: Session) -> None:
+    shows = []
+    for name, actor in shown.actors.items():
+        description = actor.system.description
+        shape = shape_of(description, lmm_models.database())
+        assert len(shape.parts) > 10
+        shows.append(Played(name, actor.timeline, shape))
+    stage = Stage(shows)
+    stage.move_to(shown.time)
+    assert (np.diff(stage.roots[:, 0]) > 0).all()  # each at its own place
+    look = shown.look().actors["mm"]
+    world, turned = shows[0].pose(shown.time)
+    expected, _ = kinematics.forward(shows[0].skeleton, look.positions, look.rotations)
+    np.testing.assert_allclose(world[0], expected, atol=1e-6)
+    assert turned.shape == (1, len(shows[0].skeleton), 4)
+    bare = dataclasses.replace(description, anatomy=None)
+    assert len(shape_of(bare).parts) > 10
 
 
 def test_a_window_does_not_wait_for_a_slow_step() -> None:

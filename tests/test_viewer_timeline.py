@@ -14,7 +14,7 @@ from mm.controller import Controller
 from mm.driving import at_data_speeds
 from mm.recording import Recording, record
 from mm.settings import Settings
-from motion import bvh, console, quat
+from motion import bvh, console, contacts, kinematics, quat
 from motion.errors import UserError
 from viewer import moments
 from viewer.controls import on_course
@@ -78,15 +78,6 @@ def test_what_came_after_is_forgotten_with_the_settings_that_it_had() -> None:
     assert found.record(20)["number"] == 19
     found.forget_after(12)
     assert (found.last, found.made_by(30)) == (12, (None, None))
-
-
-def test_a_clip_is_shown_whole(walker) -> None:
-    found = Timeline.of_clip(walker)
-    assert len(found) == len(walker) and found.end == pytest.approx((len(walker) - 1) / 60)
-    np.testing.assert_allclose(found.at(1.0).positions, walker.positions[60], atol=1e-6)
-    np.testing.assert_allclose(found.clip().positions, walker.positions, atol=1e-6)
-    with pytest.raises(UserError, match="a clip is no run"):
-        found.recording()
 
 
 @pytest.fixture(scope="module")
@@ -161,17 +152,15 @@ def test_a_foot_that_stands_and_moves_slides() -> None:
 
 
 def test_captured_feet_do_not_slide_and_dragged_ones_do(walker_clips) -> None:
-    from motion import contacts
-
     for clip in walker_clips:
-        found = Timeline.of_clip(clip)
-        found._arrays["contacts"] = contacts.contacts(clip)
-        assert not len(moments.of(found)["slide"])
-    straight = next(clip for clip in walker_clips if clip.name == "straight")
-    dragged = Timeline.of_clip(straight)
-    dragged._arrays["contacts"] = contacts.contacts(straight)
-    dragged._arrays["positions"] = dragged._arrays["positions"] * np.array([1, 1, 1.5], np.float32)
-    assert len(moments.of(dragged)["slide"]) >= 5  # by 0.6 m/s, every step of five seconds
+        touching = contacts.contacts(clip)
+        world = kinematics.forward(clip.skeleton, clip.positions, clip.rotations)
+        roles = contacts.contact_roles(clip.skeleton)
+        feet = contacts.place_points(*world, *contacts.touching_points(clip.skeleton, roles))
+        assert not moments.slides(feet, touching, clip.fps)
+        if clip.name == "straight":
+            dragged = feet + 0.6 / clip.fps * np.arange(len(clip))[:, None, None] * np.array([0, 0, 1])
+            assert len(moments.slides(dragged, touching, clip.fps)) >= 8  # every step of five seconds
 
 
 def test_peaks_are_the_worst_of_the_dear_searches() -> None:
@@ -185,9 +174,15 @@ def test_peaks_are_the_worst_of_the_dear_searches() -> None:
     np.testing.assert_array_equal(played, [3, 1])
 
 
-def test_what_a_system_does_not_tell_has_no_moments(walker) -> None:
-    assert {kind: len(steps) for kind, steps in moments.of(Timeline.of_clip(walker)).items()} == {
-        "transition": 0,
-        "slide": 0,
-        "peak": 0,
-    }
+def test_what_a_system_does_not_tell_has_no_moments() -> None:
+    found = moments.of(numbered(20))
+    assert {kind: len(steps) for kind, steps in found.items()} == dict.fromkeys(moments.KINDS, 0)
+
+
+def test_slides_are_those_of_the_feet_that_contacts_are_of(driven: Session) -> None:
+    timeline = driven.actors["mm"].timeline
+    usual = moments.of(timeline)["slide"]
+    assert len(usual) > 2  # nothing holds them
+    toes = ("left_toe", "right_toe")
+    np.testing.assert_array_equal(moments.of(timeline, toes)["slide"], usual)
+    assert not len(moments.of(timeline, ("left_toe",))["slide"])

@@ -25,10 +25,12 @@ from mm.database import KIND, Database
 from mm.recording import Recording
 from mm.runs import Driven
 from motion import dancecard, files, sources
-from motion.clip import Clip
 from motion.console import silent
 from motion.dancecard import clips as dancecard_clips
 from motion.errors import UserError
+
+from . import shows
+from .shows import Recorded
 
 Data = Database | Compressed
 BUILT_IN = "dancecard"
@@ -59,7 +61,7 @@ class Part:
 class Sources:
     """What was given, by name: files' stems, models' those of their systems (lmm, pfnn, mann)."""
 
-    clips: dict[str, Clip] = field(default_factory=dict)
+    clips: dict[str, Recorded] = field(default_factory=dict)
     runs: dict[str, Recording] = field(default_factory=dict)
     databases: dict[str, Data] = field(default_factory=dict)
     models: dict[str, AnyModel] = field(default_factory=dict)
@@ -190,8 +192,8 @@ def _read(path: str) -> Iterator[tuple[str, str, Any]]:
         yield "models", "lmm", models.load(path)
     elif found == "folder" or sources.split(path)[0].suffix.lower() in sources.FORMATS:
         for one in sources.find([path]):
-            clip = sources.load(one)
-            yield "clips", clip.name, clip
+            show = shows.load(one)
+            yield "clips", show.name, show
     elif found is None:
         ships = ", ".join(pretrained.names())
         remedy = f"check the path, or name a model that ships: {ships}"

@@ -1,4 +1,4 @@
-"""What is remembered of one character, step by step: the last minute of a live one, all of a clip or run."""
+"""What is remembered of one character, step by step: the last minute of a live one, or all of a run."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from mm.recording import Recording
 from motion import quat
-from motion.clip import Clip
 from motion.errors import UserError
 from motion.skeleton import Skeleton
 
@@ -71,29 +70,17 @@ class Timeline:
         self._made: list[tuple[int, Any, Any]] = []
 
     @staticmethod
-    def of_clip(clip: Clip) -> Timeline:
-        """All of a clip."""
-        arrays = {"positions": clip.positions, "rotations": clip.rotations}
-        return Timeline._of(clip.skeleton, clip.fps, {n: a.astype(np.float32) for n, a in arrays.items()}, {})
-
-    @staticmethod
     def of_recording(recording: Recording, character: int = 0) -> Timeline:
         """All of one character's run; one that is not there is a UserError."""
         if not 0 <= character < recording.count:
             remedy = f"the recording has {recording.count}, counted from 0"
             raise UserError(f"no character {character}", remedy=remedy)
         names = ("system", "skeleton", "settings", "schema", "database")
-        arrays = {name: array[:, character] for name, array in recording.arrays.items()}
         about = {name: getattr(recording, name) for name in names}
-        found = Timeline._of(recording.skeleton, recording.fps, arrays, about)
+        found = Timeline(recording.skeleton, recording.fps, seconds=recording.seconds, about=about)
+        found._arrays = {name: array[:, character] for name, array in recording.arrays.items()}
         found._seconds[: len(recording)] = recording.step_seconds
-        return found
-
-    @staticmethod
-    def _of(skeleton: Skeleton, fps: float, arrays: dict[str, NDArray], about: Mapping[str, Any]) -> Timeline:
-        count = len(arrays["positions"])
-        found = Timeline(skeleton, fps, seconds=count / fps, about=about)
-        found._arrays, found.last = arrays, count - 1
+        found.last = len(recording) - 1
         return found
 
     def __len__(self) -> int:
@@ -165,23 +152,20 @@ class Timeline:
         """The step that leads to a time, of those remembered."""
         return self._clip(int(np.ceil(time * self.fps - EXACTLY)))
 
-    def at(self, time: float) -> Instant:
-        """The character at a time, seconds; before and after what is remembered, at its ends."""
+    def pose(self, time: float) -> Pose:
+        """Local positions [J, 3] and rotations [J, 4] at a time, seconds; outside of what is remembered those
+        at its ends."""
         step = self.step_at(time)
-        here = self._row(step)
         share = 1 - (step - time * self.fps)
-        positions, rotations = self._arrays["positions"][here], self._arrays["rotations"][here]
-        if step > self.first and 0 <= share < 1 - EXACTLY:
-            before = self._row(step - 1)
-            share = 0.0 if self._cuts[here] else share
-            positions, rotations = between(
-                (self._arrays["positions"][before], self._arrays["rotations"][before]),
-                (positions, rotations),
-                share,
-            )
-        record = {name: array[here].copy() for name, array in self._arrays.items()}
-        time = min(max(time, self.begin), self.end)
-        return Instant(time, step, positions.copy(), rotations.copy(), record)
+        if step == self.first or not 0 <= share < 1 - EXACTLY:
+            return self._pose(step)
+        cut = self._cuts[self._row(step)]
+        return self._pose(step - 1) if cut else between(self._pose(step - 1), self._pose(step), share)
+
+    def at(self, time: float) -> Instant:
+        """The character at a time, seconds, as `pose` shows it."""
+        step = self.step_at(time)
+        return Instant(min(max(time, self.begin), self.end), step, *self.pose(time), self.record(step))
 
     def record(self, step: int) -> dict[str, NDArray]:
         """What a step recorded by name."""
@@ -201,26 +185,21 @@ class Timeline:
         return self._in_order(self._cuts)
 
     def recording(self) -> Recording:
-        """What is remembered as a run, to be saved, or made into a clip."""
-        if "command_velocity" not in self._arrays:
-            raise UserError("a clip is no run: nothing was asked of it", remedy="export it as a clip")
-        arrays = {name: np.ascontiguousarray(self.stack(name)[:, None]) for name in self._arrays}
+        """What is remembered as a run: to be saved, or made into a clip."""
         return Recording(
             fps=self.fps,
-            arrays=arrays,
+            arrays={name: np.ascontiguousarray(self.stack(name)[:, None]) for name in self._arrays},
             step_seconds=self.step_seconds(),
             stage_seconds=np.zeros((len(self), 0)),
             **self.about,
         )
 
-    def clip(self, name: str = "clip") -> Clip:
-        """What is remembered as a clip."""
-        positions, rotations = (self.stack(each).astype(np.float64) for each in ("positions", "rotations"))
-        rotations = quat.unroll(quat.normalize(rotations)).astype(np.float64)
-        return Clip(name, self.skeleton, self.fps, positions, rotations)
-
     def _clip(self, step: int) -> int:
         return min(max(step, self.first), self.last)
+
+    def _pose(self, step: int) -> Pose:
+        row = self._row(step)
+        return self._arrays["positions"][row].copy(), self._arrays["rotations"][row].copy()
 
     def _row(self, step: int) -> int:
         return step % (self.kept + 1)
