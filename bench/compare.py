@@ -131,7 +131,7 @@ def compare(
             f"the fastest run to {run:.2f} m/s"
         )
     if ground is not None:
-        notes.append(terrain.told(ground.facts()))
+        notes.append(f"all walk on {terrain.told(ground.facts())}")
     feet = quality.Feet.of(database)
     rows, traces = [], []
     costs: dict[str, list[timing.Cost]] = {}

@@ -138,10 +138,10 @@ def load(
 
 
 def told(facts: Mapping[str, Any]) -> str:
-    """A sentence of the facts of a heightmap."""
+    """The facts of a heightmap in a line."""
     (x, z), slopes = facts["size_m"], (100 * facts["slope_median"], 100 * facts["slope_p95"])
     return (
-        f"all walk on {facts['name']}: {x:.1f} x {z:.1f} m, {facts['low_m']:.2f} to {facts['high_m']:.2f} m "
+        f"{facts['name']}: {x:.1f} x {z:.1f} m, {facts['low_m']:.2f} to {facts['high_m']:.2f} m "
         f"high, slopes of {slopes[0]:.0f} % (median) and {slopes[1]:.0f} % (95th percentile)"
     )
 

@@ -70,7 +70,7 @@ def show(found: dict[str, Any], name: str) -> None:
         console.print_table(rows, title=title)
         print()
     if found["ground"]:
-        print(f"over courses {terrain.told(found['ground'])}; all else is of level ground")
+        print(f"courses lie on {terrain.told(found['ground'])}; all else is on level ground")
     print(lasting(found["endurance"]))
 
 
