@@ -13,6 +13,7 @@ from mm import options
 from motion import console, files
 from motion.errors import UserError
 
+from .data.cli import data
 from .memory.cli import memory
 from .options import CODECS, MODELS, Listed, check_models, check_outputs, load, note, open_database
 
@@ -482,6 +483,7 @@ def thesis(
             print(f"wrote {path}", file=sys.stderr)
 
 
+main.add_command(data)
 main.add_command(memory)
 
 

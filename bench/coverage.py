@@ -306,8 +306,8 @@ def figure(coverage: Coverage, title: str = "") -> Any:
             axes.set_ylim(edges[y][0], edges[y][-1])
             if x == 1:
                 axes.set_xticks(range(-180, 181, 45))
-            axes.set_facecolor("#f3f3f3")
-            axes.grid(True, color="#00000018", linewidth=0.5)
+            axes.set_facecolor("#8882")
+            axes.grid(True, color="#8884", linewidth=0.5)
     within = ", ".join(f"{n:g} {u}" for n, u in zip(NEAR, ("m/s", "°", "°/s"), strict=True))
     share = f"{100 * coverage.share:.1f} % of what the courses ask has data within {within}"
     picture.suptitle(f"{title}: {share}", x=0.01, ha="left")
@@ -333,7 +333,9 @@ def _draw_data(picture: Any, axes: Any, coverage: Coverage, edges: list[Array], 
     counts, _, _ = np.histogram2d(data[:, x], data[:, y], (edges[x], edges[y]))
     seconds = np.ma.masked_equal(counts.T / coverage.fps, 0)
     most = max(float(seconds.max()) if seconds.count() else 0.0, 0.2)
-    mesh = axes.pcolormesh(edges[x], edges[y], seconds, norm=LogNorm(0.1, most), cmap="viridis")
+    mesh = axes.pcolormesh(
+        edges[x], edges[y], seconds, norm=LogNorm(0.1, most), cmap="viridis", rasterized=True
+    )
     picture.colorbar(mesh, ax=axes, pad=0.01)
     axes.set_title("data, seconds", loc="left", fontsize=10)
 
@@ -344,9 +346,9 @@ def _draw_asked(picture: Any, axes: Any, coverage: Coverage, edges: list[Array],
     found, _, _ = np.histogram2d(rows[:, x], rows[:, y], (edges[x], edges[y]), weights=rows[:, 3])
     share = np.ma.masked_where(total.T == 0, 100 * found.T / np.maximum(total.T, 1))
     strength = np.clip(0.35 + 0.65 * EVERY * total.T, 0, 1)  # a second and more in full colour
-    mesh = axes.pcolormesh(edges[x], edges[y], share, vmin=0, vmax=100, cmap="RdYlGn", alpha=strength)
-    colours = picture.colorbar(mesh, ax=axes, pad=0.01)
-    colours.solids.set_alpha(1)
+    colours: Any = {"vmin": 0, "vmax": 100, "cmap": "RdYlGn", "alpha": strength}
+    mesh = axes.pcolormesh(edges[x], edges[y], share, rasterized=True, **colours)
+    picture.colorbar(mesh, ax=axes, pad=0.01).solids.set_alpha(1)
     axes.set_title("asked, % that has data near (pale: under a second)", loc="left", fontsize=10)
 
 
