@@ -161,30 +161,37 @@ def _one_row(layer, weights, numbers, x, rectify, active, values, y):
     for i in range(inputs):
         active[count], values[count] = i, x[i]
         count += x[i] != 0
-    listed, value, p = active.ctypes.data, values.ctypes.data, 0
+    listed, value, to = active.ctypes.data, values.ctypes.data, y.ctypes.data
+    listed_times_layer(weights, first, inputs, panels, listed, value, count, scale, bias, rectify, to)
+
+
+@_jit
+def listed_times_layer(weights, first, inputs, panels, listed, value, count, scale, bias, rectify, y):
+    """`active_times_panels` of all panels of a layer, which begins at number first of weights."""
+    p = 0
     while p < panels:
-        at, stride = _panel(first, inputs, panels, p)
+        at, stride = panel_at(first, inputs, panels, p)
         place = 4 * p * PANEL
-        to = y.ctypes.data + place
         if p + GROUP <= panels:
             active_times_panels(
-                GROUP, weights, at, stride, listed, value, count, scale + place, bias + place, rectify, to
-            )
+                GROUP, weights, at, stride, listed, value, count, scale + place, bias + place, rectify,
+                y + place,
+            )  # fmt: skip
             p += GROUP
         elif p + 2 <= panels:
             active_times_panels(
-                2, weights, at, stride, listed, value, count, scale + place, bias + place, rectify, to
+                2, weights, at, stride, listed, value, count, scale + place, bias + place, rectify, y + place
             )
             p += 2
         else:
             active_times_panels(
-                1, weights, at, stride, listed, value, count, scale + place, bias + place, rectify, to
+                1, weights, at, stride, listed, value, count, scale + place, bias + place, rectify, y + place
             )
             p += 1
 
 
 @_jit
-def _panel(first, inputs, panels, p):
+def panel_at(first, inputs, panels, p):
     """Where panel p of a layer begins that begins at number first of the weights, and the stride of it."""
     group = p // GROUP * GROUP
     return first + PANEL * (group * inputs + p - group), PANEL * min(GROUP, panels - group)
@@ -195,27 +202,32 @@ def _many_rows(layer, weights, numbers, work, from_, rows, width, rectify, float
     """Rows through one layer, panel by panel; rows beyond, up to a multiple of SHORT, are computed too."""
     inputs, panels, first, scale = layer[0], layer[1], layer[2], numbers.ctypes.data + 4 * layer[3]
     bias = scale + 4 * panels * PANEL
+    x, y = work.ctypes.data + 4 * from_, work.ctypes.data + 4 * to
     for p in range(panels):
-        at, stride = _panel(first, inputs, panels, p)
+        at, stride = panel_at(first, inputs, panels, p)
         panel = weights.ctypes.data + 4 * at
         if weights.itemsize < 4 or rows > MANY:
             panel = floats.ctypes.data
             panel_to_floats(weights, at, stride, inputs, panel)
             stride = PANEL
-        place, n = 4 * p * PANEL, 0
-        while n < rows:
-            x = work.ctypes.data + 4 * (from_ + n * width)
-            y = work.ctypes.data + 4 * (to + n * width) + place
-            if n + TALL <= rows:
-                rows_times_panel(
-                    TALL, x, width, panel, stride, inputs, scale + place, bias + place, rectify, y, width
-                )
-                n += TALL
-            else:
-                rows_times_panel(
-                    SHORT, x, width, panel, stride, inputs, scale + place, bias + place, rectify, y, width
-                )
-                n += SHORT
+        place = 4 * p * PANEL
+        all_times_panel(
+            rows, x, width, panel, stride, inputs, scale + place, bias + place, rectify, y + place, width
+        )
+
+
+@_jit
+def all_times_panel(rows, x, x_stride, panel, stride, inputs, scale, bias, rectify, y, y_stride):
+    """`rows_times_panel` of any number of rows, and of those beyond up to a multiple of SHORT."""
+    n = 0
+    while n < rows:
+        at, to = x + 4 * n * x_stride, y + 4 * n * y_stride
+        if n + TALL <= rows:
+            rows_times_panel(TALL, at, x_stride, panel, stride, inputs, scale, bias, rectify, to, y_stride)
+            n += TALL
+        else:
+            rows_times_panel(SHORT, at, x_stride, panel, stride, inputs, scale, bias, rectify, to, y_stride)
+            n += SHORT
 
 
 @_jit
@@ -223,33 +235,36 @@ def _many_rows_of_pairs(layer, weights, numbers, work, from_, rows, width, recti
     """As `_many_rows`, of pairs; rows beyond go up to a multiple of TILE where there are tiles."""
     pairs, panels, first, scale = layer[0], layer[1], layer[2], numbers.ctypes.data + 4 * layer[3]
     bias = scale + 4 * panels * PANEL
+    x, y = work.ctypes.data + 4 * from_, work.ctypes.data + 4 * to
     for p in range(panels):
-        at, stride = _panel(first, pairs, panels, p)
-        panel = weights.ctypes.data + 4 * at
-        place, n = 4 * p * PANEL, 0
-        while n < rows:
-            x = work.ctypes.data + 4 * (from_ + n * width)
-            y = work.ctypes.data + 4 * (to + n * width) + place
-            if tiles and n + TILE < rows:
-                tiles_times_pairs(
-                    TALL_TILES, x, width, panel, stride, pairs, scale + place, bias + place, rectify, y, width
-                )
-                n += TALL_TILES
-            elif tiles:
-                tiles_times_pairs(
-                    TILE, x, width, panel, stride, pairs, scale + place, bias + place, rectify, y, width
-                )
-                n += TILE
-            elif n + TALL <= rows:
-                rows_times_pairs(
-                    TALL, x, width, panel, stride, pairs, scale + place, bias + place, rectify, y, width
-                )
-                n += TALL
-            else:
-                rows_times_pairs(
-                    SHORT, x, width, panel, stride, pairs, scale + place, bias + place, rectify, y, width
-                )
-                n += SHORT
+        at, stride = panel_at(first, pairs, panels, p)
+        panel, place = weights.ctypes.data + 4 * at, 4 * p * PANEL
+        all_times_pairs(
+            tiles, rows, x, width, panel, stride, pairs, scale + place, bias + place, rectify, y + place,
+            width,
+        )  # fmt: skip
+
+
+@_jit
+def all_times_pairs(tiles, rows, x, x_stride, panel, stride, pairs, scale, bias, rectify, y, y_stride):
+    """As `all_times_panel`, of pairs, and of rows beyond up to a multiple of TILE where there are tiles."""
+    n = 0
+    while n < rows:
+        at, to = x + 4 * n * x_stride, y + 4 * n * y_stride
+        if tiles and n + TILE < rows:
+            tiles_times_pairs(
+                TALL_TILES, at, x_stride, panel, stride, pairs, scale, bias, rectify, to, y_stride
+            )
+            n += TALL_TILES
+        elif tiles:
+            tiles_times_pairs(TILE, at, x_stride, panel, stride, pairs, scale, bias, rectify, to, y_stride)
+            n += TILE
+        elif n + TALL <= rows:
+            rows_times_pairs(TALL, at, x_stride, panel, stride, pairs, scale, bias, rectify, to, y_stride)
+            n += TALL
+        else:
+            rows_times_pairs(SHORT, at, x_stride, panel, stride, pairs, scale, bias, rectify, to, y_stride)
+            n += SHORT
 
 
 @_jit

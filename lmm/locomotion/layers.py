@@ -10,19 +10,9 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from ..kernels import elu_of
-from ..lanes import (
-    GROUP,
-    PANEL,
-    SHORT,
-    TALL,
-    active_times_panels,
-    panel_to_floats,
-    round_to_pairs,
-    rows_times_pairs,
-    rows_times_panel,
-)
-from ..tiles import TALL_TILES, TILE, close_tiles, open_tiles, tiles_times_pairs
+from ..kernels import all_times_pairs, all_times_panel, elu_of, listed_times_layer, panel_at
+from ..lanes import PANEL, TALL, panel_to_floats, round_to_pairs
+from ..tiles import close_tiles, open_tiles
 
 _jit = numba.njit(cache=True, nogil=True, error_model="numpy")
 
@@ -136,13 +126,6 @@ def _widen(row, shares, inputs, depth, wide):
 
 
 @_jit
-def _panel(first, depth, panels, p):
-    """Where panel p of a layer begins, of so many inputs in all, and how far its inputs are apart."""
-    group = p // GROUP * GROUP
-    return first + PANEL * (group * depth + p - group), PANEL * min(GROUP, panels - group)
-
-
-@_jit
 def _one_row(layer, weights, numbers, sets, used, s, wide, active, values, y):
     """One row through one layer: only inputs, or pairs, that are not 0 count."""
     depth, panels, first = layer[4], layer[1], layer[2]
@@ -155,26 +138,8 @@ def _one_row(layer, weights, numbers, sets, used, s, wide, active, values, y):
             value = wide[u * depth + i]
             active[count], values[count] = begin + i, value
             count += value != 0
-    listed, value, p = active.ctypes.data, values.ctypes.data, 0
-    while p < panels:
-        at, stride = _panel(first, sets * depth, panels, p)
-        place = 4 * p * PANEL
-        to = y.ctypes.data + place
-        if p + GROUP <= panels:
-            active_times_panels(
-                GROUP, weights, at, stride, listed, value, count, scale + place, bias + place, 0, to
-            )
-            p += GROUP
-        elif p + 2 <= panels:
-            active_times_panels(
-                2, weights, at, stride, listed, value, count, scale + place, bias + place, 0, to
-            )
-            p += 2
-        else:
-            active_times_panels(
-                1, weights, at, stride, listed, value, count, scale + place, bias + place, 0, to
-            )
-            p += 1
+    listed, value, to = active.ctypes.data, values.ctypes.data, y.ctypes.data
+    listed_times_layer(weights, first, sets * depth, panels, listed, value, count, scale, bias, 0, to)
 
 
 @_jit
@@ -183,9 +148,8 @@ def _many_rows(layer, weights, numbers, sets, used, s, wide, rows, floats, y):
     depth, panels, first = layer[4], layer[1], layer[2]
     scale = numbers.ctypes.data + 4 * layer[3]
     bias = scale + 4 * panels * PANEL
-    wide_width, width = wide.shape[1], y.shape[1]
     for p in range(panels):
-        at, stride = _panel(first, sets * depth, panels, p)
+        at, stride = panel_at(first, sets * depth, panels, p)
         if weights.itemsize == 4 and rows <= MANY and s + used <= sets:
             panel, step = weights.ctypes.data + 4 * (at + s * depth * stride), stride
         else:
@@ -193,20 +157,11 @@ def _many_rows(layer, weights, numbers, sets, used, s, wide, rows, floats, y):
             for u in range(used):
                 begin = (s + u) % sets * depth
                 panel_to_floats(weights, at + begin * stride, stride, depth, panel + 4 * u * depth * PANEL)
-        place, n = 4 * p * PANEL, 0
-        while n < rows:
-            x = wide.ctypes.data + 4 * n * wide_width
-            to = y.ctypes.data + 4 * n * width + place
-            if n + TALL <= rows:
-                rows_times_panel(
-                    TALL, x, wide_width, panel, step, used * depth, scale + place, bias + place, 0, to, width
-                )
-                n += TALL
-            else:
-                rows_times_panel(
-                    SHORT, x, wide_width, panel, step, used * depth, scale + place, bias + place, 0, to, width
-                )
-                n += SHORT
+        place = 4 * p * PANEL
+        all_times_panel(
+            rows, wide.ctypes.data, wide.shape[1], panel, step, used * depth, scale + place, bias + place, 0,
+            y.ctypes.data + place, y.shape[1],
+        )  # fmt: skip
 
 
 @_jit
@@ -215,46 +170,16 @@ def _many_rows_of_pairs(layer, weights, numbers, sets, used, s, wide, rows, copi
     depth, panels, first = layer[4], layer[1], layer[2]
     scale = numbers.ctypes.data + 4 * layer[3]
     bias = scale + 4 * panels * PANEL
-    wide_width, width, pairs = wide.shape[1], y.shape[1], used * depth
     for p in range(panels):
-        at, stride = _panel(first, sets * depth, panels, p)
+        at, stride = panel_at(first, sets * depth, panels, p)
         panel, step = weights.ctypes.data + 4 * (at + s * depth * stride), stride
         if s + used > sets:
             panel, step = copied.ctypes.data, PANEL
             for i in range(used * depth):
                 row = at + (s * depth + i) % (sets * depth) * stride
                 copied[i * PANEL : (i + 1) * PANEL] = weights[row : row + PANEL]
-        place, n = 4 * p * PANEL, 0
-        while n < rows:
-            x = wide.ctypes.data + 4 * n * wide_width
-            to = y.ctypes.data + 4 * n * width + place
-            if tiles and n + TILE < rows:
-                tiles_times_pairs(
-                    TALL_TILES,
-                    x,
-                    wide_width,
-                    panel,
-                    step,
-                    used * depth,
-                    scale + place,
-                    bias + place,
-                    0,
-                    to,
-                    width,
-                )
-                n += TALL_TILES
-            elif tiles:
-                tiles_times_pairs(
-                    TILE, x, wide_width, panel, step, pairs, scale + place, bias + place, 0, to, width
-                )
-                n += TILE
-            elif n + TALL <= rows:
-                rows_times_pairs(
-                    TALL, x, wide_width, panel, step, pairs, scale + place, bias + place, 0, to, width
-                )
-                n += TALL
-            else:
-                rows_times_pairs(
-                    SHORT, x, wide_width, panel, step, pairs, scale + place, bias + place, 0, to, width
-                )
-                n += SHORT
+        place = 4 * p * PANEL
+        all_times_pairs(
+            tiles, rows, wide.ctypes.data, wide.shape[1], panel, step, used * depth, scale + place,
+            bias + place, 0, y.ctypes.data + place, y.shape[1],
+        )  # fmt: skip
