@@ -13,13 +13,11 @@ import pytest
 from click.testing import CliRunner
 
 from bench.cli import main
-from bench.memory import allocations, measure, pareto, published, resident, stored
+from bench.memory import allocations, measure, page, pareto, published, resident, stored
 from lmm.model import Model
 from mm.build import build
 from mm.codecs import compressed
 from mm.description import Description
-from motion import files
-from motion.errors import UserError
 
 CODEC = "quantised-11+features-8bit"
 
@@ -91,9 +89,6 @@ def test_parts_of_files_are_what_was_saved(folder, database, tmp_path):
     networks = Model.load(folder / "walker.lmm").networks
     assert {name: parts[name] for name in networks} == {name: n.nbytes for name, n in networks.items()}
     assert {"compressor", "statistics", "description"} < set(parts)
-    (tmp_path / "no.txt").write_text("no such file at all")
-    with pytest.raises(UserError, match="not a file of arrays"):
-        files.array_sizes(tmp_path / "no.txt")
 
 
 class Wasteful:
@@ -190,11 +185,27 @@ def test_the_report_is_a_table_a_plot_and_a_page(report, folder):
     assert rows["pose_cm"]["lmm-PSD"] < rows["drift_cm"]["lmm-PSD"]
     assert rows["front"]["mm-exact"] and not rows["front"][["pfnn-cubic", f"mm-exact-{CODEC}"]].any()
     assert (rows[["frame_bytes_2", "blocks_2"]] > 0).all(axis=None)
-    assert shown.count("*") > 2 and "Nothing smaller decodes poses better than" in shown
-    page = (out / "report.html").read_text()
-    assert "http" not in page.replace("http://www.w3.org", "") and "O3DE" in page and "lmm-PSD-int8" in page
+    assert shown.count("*") > 2 and "as in the data mm-exact (" in shown
+    text = (out / "report.html").read_text()
+    assert "http" not in text.replace("http://www.w3.org", "") and "O3DE" in text and "lmm-PSD-int8" in text
     facts = json.loads((out / "memory.json").read_text())
     assert facts["database"]["held_out"] == ["run"] and set(facts["models"]) == {"lmm", "pfnn"}
+
+
+def test_the_smallest_within_each_error_is_named():
+    rows = pd.DataFrame(
+        {
+            "system": ["raw", "half", "small", "worse", "step"],
+            "memory_mb": [10.0, 5.0, 2.0, 3.0, 0.1],
+            "pose_cm": [0, 0.04, 0.3, 0.4, 0.01],
+            "error": ["decoded"] * 4 + ["one step"],
+        }
+    )
+    assert page.smallest(rows, "pose_cm") == [
+        "as in the data raw (10 MB)",
+        "within 0.05 cm half (5 MB)",
+        "within 0.5 cm small (2 MB)",
+    ]
 
 
 def test_features_of_an_hour_beside_those_of_o3de(database):

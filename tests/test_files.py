@@ -334,3 +334,20 @@ def test_the_kind_of_a_file_is_known_by_its_header(saved: Path, tmp_path: Path) 
         assert files.format_of(other) is None
     with pytest.raises(UserError, match="No such file"):
         files.format_of(tmp_path / "nothing")
+
+
+def test_sizes_of_arrays_are_told_by_the_header(saved: Path, tmp_path: Path) -> None:
+    assert files.array_sizes(saved) == {name: array.nbytes for name, array in _arrays().items()}
+    for content in (b"no such file at all", b"\x02" + bytes(7) + b"{}", b"\x02" + bytes(7) + b"[]", b""):
+        (tmp_path / "other").write_bytes(content)
+        with pytest.raises(UserError, match="not a file of arrays"):
+            files.array_sizes(tmp_path / "other")
+
+
+def test_texts_and_bytes_are_written_together_or_not_at_all(tmp_path: Path) -> None:
+    written = files.write_together(tmp_path / "new", {"a.txt": "läufe\n", "b.bin": b"\xff\r\n"})
+    assert [path.read_bytes() for path in written] == ["läufe\n".encode(), b"\xff\r\n"]
+    (tmp_path / "new" / "c").mkdir()
+    with pytest.raises(UserError, match="cannot write"):
+        files.write_together(tmp_path / "new", {"a.txt": "other", "c": b""})
+    assert written[0].read_text("utf-8") == "läufe\n"

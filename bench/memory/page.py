@@ -46,6 +46,7 @@ ALLOCATED = (
     ),
     ("kept_bytes_{n}", "kept B, {n}", 0, "bytes held after all the frames of {n} and not before"),
 )
+BOUNDS = (0, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)  # cm
 FILES = ("memory.csv", "memory.json", "pareto.png", "report.html")
 
 
@@ -100,24 +101,34 @@ def brief(memory: Memory) -> list[dict[str, Any]]:
 def facts(memory: Memory) -> list[str]:
     """Sentences that follow from the numbers."""
     rows, out = memory.systems, []
-    if "front" in rows:
-        best = rows[rows["front"]].sort_values("memory_mb")
-        steps = [f"{row.system} ({row.memory_mb:.3g} MB, {row.pose_cm:.2g} cm)" for row in best.itertuples()]
-        out.append(f"Nothing smaller decodes poses better than {listed(steps)}.")
+    for _, column, _ in (panel for panel in plots.PANELS if panel[1] in rows):
+        words = smallest(rows, column)
+        where = " on clips that were held out" if column != "pose_cm" else ""
+        out += [f"The smallest by the error of its poses{where}: {'; '.join(words)}."] * bool(words)
     drifting = rows[rows["drift_cm"].notna()] if "drift_cm" in rows else rows[:0]
     if len(drifting):
-        name, decoded, own = drifting.iloc[0][["system", "pose_cm", "drift_cm"]]
-        out.append(
-            f"{name} decodes true states within {decoded:.2g} cm, and after ten steps of its own {own:.2g}."
-        )
+        row = drifting.iloc[0]
+        states = f"true states {row['pose_cm']:.2g} cm off, those that it made itself for ten frames"
+        out.append(f"{row['system']} decodes {states} {row['drift_cm']:.2g} cm, on average.")
     if "frame_bytes_1" in rows:
         least, most = rows["frame_bytes_1"].min(), rows["frame_bytes_1"].max()
         out.append(f"A frame of one character makes temporaries of {least:,.0f} to {most:,.0f} bytes.")
     return out
 
 
-def listed(words: list[str]) -> str:
-    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
+def smallest(rows: pd.DataFrame, column: str) -> list[str]:
+    """Which system that decodes frames is the smallest within each of `BOUNDS`, where looser ones save."""
+    words: list[str] = []
+    last = ""
+    for bound in BOUNDS:
+        fitting = rows[(rows["error"] == "decoded") & (rows[column] <= bound)]
+        if len(fitting):
+            best = fitting.sort_values("memory_mb").iloc[0]
+            if best["system"] != last:
+                within = f"within {bound:g} cm" if bound else "as in the data"
+                words.append(f"{within} {best['system']} ({best['memory_mb']:.3g} MB)")
+            last = best["system"]
+    return words
 
 
 def number(value: Any, digits: int) -> str:

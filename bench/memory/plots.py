@@ -9,11 +9,12 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from bench import plots
+from bench.learned import ENDINGS
 from motion.figures import COLOURS, INK, figure
 
 PANELS = (("training", "pose_cm", "front"), ("held-out", "pose_held_cm", "front_held"))
 MARKERS = ("s", "o", "D", "^", "v")
-ROOM = 0.035  # of the height, between two labels
+ROOM, LETTER, GAP = 0.03, 0.0095, 0.012  # of the axes: between two labels, of a letter, beside a point
 
 
 def against_error(systems: pd.DataFrame) -> Any:
@@ -26,7 +27,7 @@ def against_error(systems: pd.DataFrame) -> Any:
     picture, axes = figure(5.6 * len(panels), 5.2, len(panels))
     kinds = list(dict.fromkeys(systems["kind"]))
     errors = np.concatenate([systems[column] for _, column, _ in panels]).astype(float)
-    names: list[tuple[Any, NDArray, NDArray, list[str], NDArray[np.bool_]]] = []
+    labels: list[tuple[Any, NDArray, NDArray, list[str], NDArray, NDArray]] = []
     floor = np.nanmin(errors[errors > 0], initial=1.0) / 3
     for one, (part, column, front) in zip(axes, panels, strict=True):
         rows = systems[systems[column].notna()]
@@ -48,19 +49,19 @@ def against_error(systems: pd.DataFrame) -> Any:
         for axis in (one.xaxis, one.yaxis):
             axis.set_major_formatter("{x:g}")
             axis.set_minor_formatter("")
-        one.set_xlabel("MB (10^6 bytes) held of one character and all data")
+        one.set_xlabel("MB (10^6 bytes) held in all, of one character")
         one.set_ylabel(f"joint error, {part} clips, cm")
         one.grid(True, which="major")
         if (rows[column] == 0).any():
             one.axhline(floor, color=INK, linewidth=0.5, linestyle=(0, (4, 2)))
             across = one.get_yaxis_transform()
-            one.text(0.99, floor, "as in the data", transform=across, ha="right", va="bottom", fontsize=6)
-        one.margins(0.12)
-        names.append((one, memory, error, [_short(name) for name in rows["system"]], best))
+            one.text(0.01, floor, "as in the data", transform=across, va="bottom", fontsize=6)
+        one.margins(0.12, 0.1)
+        labels.append((one, memory, error, [_short(name) for name in rows["system"]], best, _named(rows)))
     handles = dict(zip(*reversed(axes[0].get_legend_handles_labels()), strict=True))
     picture.legend(handles.values(), handles, loc="outside upper center", ncols=4, fontsize=7)
     picture.draw_without_rendering()  # so that it is known where points are
-    for of_panel in names:
+    for of_panel in labels:
         _label(*of_panel)
     return picture
 
@@ -71,36 +72,42 @@ def by_part(systems: pd.DataFrame) -> Any:
 
 
 def _short(name: str) -> str:
-    return (
-        name.removesuffix("-free")
-        .replace("mm-exact-", "")
-        .replace("features-", "")
-        .replace("quantised", "q")
-        .replace("keyframes", "key")
-    )
+    name = name.removesuffix("-free").replace("mm-exact-", "").replace("mm-coded-", "coded ")
+    return name.replace("features-", "").replace("quantised", "q").replace("keyframes", "key")
 
 
-def _label(axes: Any, x: NDArray, y: NDArray, names: list[str], bold: NDArray[np.bool_]) -> None:
-    """Names beside points, moved up or down where they would lie on each other."""
+def _named(rows: pd.DataFrame) -> NDArray[np.bool_]:
+    """Which systems bear their names besides those on the front: one of each kind and way."""
+    names = rows["system"].str.removesuffix("-free")
+    plain = names.isin(["mm-exact", "mm-exact-float16"]) | names.str.endswith("-D")
+    networks = (rows["error"] == "one step") & ~names.str.endswith(tuple(filter(None, ENDINGS.values())))
+    return (plain | networks).to_numpy()
+
+
+def _label(axes: Any, x: NDArray, y: NDArray, names: list[str], best: NDArray, named: NDArray) -> None:
+    """Names of points: of those on the front to the lower left, where nothing else is, of others to the
+    right; moved down where they would lie on each other."""
     places = axes.transAxes.inverted().transform(axes.transData.transform(np.column_stack([x, y])))
     taken: list[tuple[float, float, float]] = []
     for i in np.argsort(-places[:, 1]):
-        width = 0.0105 * len(names[i])
-        right = places[i, 0] + width < 1
-        left = places[i, 0] + 0.012 if right else places[i, 0] - 0.012 - width
-        at = places[i, 1]
+        if not (best[i] or named[i]):
+            continue
+        width, (px, at) = LETTER * len(names[i]), places[i]
+        left = px - GAP - width if best[i] and px - GAP - width > 0 else px + GAP
+        at -= ROOM / 2 * best[i]
         while any(abs(at - y_) < ROOM and left < end and start < left + width for start, end, y_ in taken):
             at -= ROOM / 4
         taken.append((left, left + width, at))
-        line = {"arrowstyle": "-", "linewidth": 0.3, "color": INK}
+        far = abs(at - places[i, 1]) > ROOM
         axes.annotate(
             names[i],
             places[i],
-            (left, at),
+            (left + width if left < px else left, at),
             "axes fraction",
             "axes fraction",
             fontsize=5.5,
+            ha="right" if left < px else "left",
             va="center",
-            fontweight="bold" if bold[i] else "normal",
-            arrowprops=line if abs(at - places[i, 1]) > ROOM / 2 else None,
+            fontweight="bold" if best[i] else "normal",
+            arrowprops={"arrowstyle": "-", "linewidth": 0.3, "color": INK} if far else None,
         )
