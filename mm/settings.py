@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -62,12 +62,7 @@ class Settings:
     body_radius: float = 0.3
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            number = isinstance(value, (int, float)) and not isinstance(value, bool)
-            if number and not 0 <= value <= MOST:
-                remedy = f"give a number from 0 to {MOST:,.0f}"
-                raise ConfigError(field.name, f"{shown(value)} is out of range", remedy=remedy)
+        check_numbers(self)
         if self.continuing_bias >= 1:
             raise ConfigError("continuing_bias", f"{self.continuing_bias}", remedy="give a share below 1")
         known = Synchronization.__args__  # type: ignore[attr-defined]
@@ -75,6 +70,16 @@ class Settings:
             raise ConfigError(
                 "synchronization", f"{self.synchronization!r} is no choice", remedy=choices(known)
             )
+
+
+def check_numbers(settings: Any) -> None:
+    """A ConfigError unless every number of a dataclass of settings is from 0 to `MOST`."""
+    for field in fields(settings):
+        value = getattr(settings, field.name)
+        number = isinstance(value, (int, float)) and not isinstance(value, bool)
+        if number and not 0 <= value <= MOST:
+            remedy = f"give a number from 0 to {MOST:,.0f}"
+            raise ConfigError(field.name, f"{shown(value)} is out of range", remedy=remedy)
 
 
 # What the kernels read: one record, so that a call passes one array.

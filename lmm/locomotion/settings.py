@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
-from mm.settings import MOST
-from motion.config import ConfigError, shown
+from mm.settings import check_numbers
+from motion.config import ConfigError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,12 +48,7 @@ class LocomotionSettings:
     body_radius: float = 0.3
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            number = isinstance(value, (int, float)) and not isinstance(value, bool)
-            if number and not 0 <= value <= MOST:
-                remedy = f"give a number from 0 to {MOST:,.0f}"
-                raise ConfigError(field.name, f"{shown(value)} is out of range", remedy=remedy)
+        check_numbers(self)
         if self.joint_smoothing >= 1:
             raise ConfigError("joint_smoothing", f"{self.joint_smoothing}", remedy="give a share below 1")
         if self.jog_from is not None and self.jog_to is not None and not self.jog_from < self.jog_to:
