@@ -26,7 +26,7 @@ SAMPLED_FRAMES, HEEL_FRAMES = 30_000, 2_000
 class Feet:
     """What touches the ground, left first (`motion.contacts.touching_points`), and how high it rests.
 
-    heels : the same of the heels behind it; what has none, as a paw, is its own heel. None of heels.
+    heels : the same of the heels behind it; a foot without one, as a paw, is its own heel. Heels have none.
     """
 
     joints: list[int]
@@ -64,7 +64,7 @@ def _heels(database: Any, joints: list[int], points: Array) -> tuple[list[int], 
     )
     fours = any(role.endswith("hand") for role in database.contact_roles)
     for c, role in enumerate(database.contact_roles):
-        side, part = role.split("_")
+        side, _, part = role.partition("_")
         foot, touching = skeleton.roles.get(f"{side}_foot"), joints[c]
         if foot is None or not (part == "toe" or (part == "foot" and not fours)):
             continue
