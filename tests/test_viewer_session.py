@@ -129,6 +129,23 @@ def test_a_single_step_goes_to_the_next_step_of_any_system() -> None:
     np.testing.assert_allclose(times, [2, 3, 4, 6, 8])
 
 
+def test_single_steps_in_the_past_look_and_do_not_move() -> None:
+    walker = Walker()
+    found = session(walker)
+    found.advance(0.1)
+    times = []
+    for back in (True, True, True, False, False, False):
+        found.single_step(back=back)
+        times.append(found.look().time * 60)
+    np.testing.assert_allclose(times, [5, 4, 3, 4, 5, 6])
+    assert found.look().live and walker.steps == 6
+    found.single_step()
+    assert walker.steps == 7
+    for _ in range(20):
+        found.single_step(back=True)
+    assert found.look().time == 0
+
+
 def test_a_slow_machine_drops_time_and_does_not_fall_behind_further() -> None:
     clock = [0.0]
 

@@ -80,6 +80,23 @@ def test_what_came_after_is_forgotten_with_the_settings_that_it_had() -> None:
     assert (found.last, found.made_by(30)) == (12, (None, None))
 
 
+def test_settings_that_nobody_remembers_are_forgotten() -> None:
+    found = numbered(1)
+    for k in range(500):  # a slider that is dragged
+        found.take_settings(k)
+        found.take_settings(k + 0.5)
+        found.hold()
+    assert [found.made_by(step)[0] for step in (401, 450, 500)] == [400.5, 449.5, 499.5]
+    assert len(found._made) <= 102
+
+
+def test_what_was_since_a_step() -> None:
+    found = numbered(250)
+    np.testing.assert_array_equal(found.stack("number", since=240), np.arange(240, 250))
+    np.testing.assert_array_equal(found.stack("number", since=3), np.arange(150, 250))
+    assert len(found.cuts(since=249)) == len(found.step_seconds(since=249)) == 1
+
+
 @pytest.fixture(scope="module")
 def driven() -> Session:
     """Motion matching, its feet free, on a course for six seconds of which four are remembered."""

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from features import normalise
 from lmm.mixtures import GuessedFrames
 from lmm.stages import ProjectorProjection
-from mm.codecs.compressed import Compressed
 from mm.database import Database
 from mm.search.protocol import searchable
 from mm.search.rows import costs_of
@@ -26,6 +25,7 @@ from mm.settings import Settings
 from motion import config
 from motion.errors import UserError
 
+from .sources import Data, origin
 from .timeline import Timeline
 
 if TYPE_CHECKING:
@@ -151,9 +151,7 @@ def projector_of(system: Any) -> ProjectorProjection | None:
     return projection if isinstance(projection, ProjectorProjection) else None
 
 
-def at(
-    timeline: Timeline, time: float, data: Database | Compressed | None, *, system: Any = None
-) -> Explanation | None:
+def at(timeline: Timeline, time: float, data: Data | None, *, system: Any = None) -> Explanation | None:
     """The last search until a time; None without one, or without its database.
 
     data : the database of the system, or of the run that the timeline is of.
@@ -170,8 +168,8 @@ def at(
     data = made_on or data
     if data is None:
         return None
-    of = data.fingerprint if isinstance(data, Database) else data.description.fingerprint
-    if timeline.about.get("database") and of and timeline.about["database"] != of:
+    told = timeline.about.get("database")
+    if told and origin(data) and told != origin(data):
         raise UserError("the run was not made from this database", remedy="give the one it was made from")
     record = timeline.record(step)
     missing = [name for name in NEEDED if name not in record]
@@ -181,7 +179,7 @@ def at(
 
 
 def explain(
-    data: Database | Compressed,
+    data: Data,
     record: Mapping[str, NDArray],
     settings: Settings,
     *,
@@ -200,9 +198,7 @@ def explain(
 class _Search:
     """All frames of a database, costed and judged."""
 
-    def __init__(
-        self, data: Database | Compressed, record: Mapping[str, NDArray], settings: Settings
-    ) -> None:
+    def __init__(self, data: Data, record: Mapping[str, NDArray], settings: Settings) -> None:
         self.data, self.settings = data, settings
         self.tag_names = data.tag_names if isinstance(data, Database) else data.description.tag_names
         self.query = np.ascontiguousarray(record["query"], np.float32)

@@ -7,6 +7,7 @@ tells the state at the beginning; number, uint8 (the kernel's documentation of i
 from __future__ import annotations
 
 import glob
+import math
 import os
 import struct
 import time
@@ -58,9 +59,9 @@ class Gamepad:
         if abs(right) < DEADZONE and abs(down) < DEADZONE:
             right, down = (axes.get(i, 0.0) for i in (CROSS_X, CROSS_Y))
         return Hands(
-            (right, -down),
-            turn=-_beyond(axes.get(RIGHT_X, 0.0)),
-            tilt=-_beyond(axes.get(RIGHT_Y, 0.0)),
+            (right, 0.0 - down),
+            turn=0.0 - _beyond(axes.get(RIGHT_X, 0.0)),
+            tilt=0.0 - _beyond(axes.get(RIGHT_Y, 0.0)),
             run=axes.get(RIGHT_TRIGGER, -1.0) > 0 or held.get(A, False),
             strafe=axes.get(LEFT_TRIGGER, -1.0) > 0,
             crouch=held.get(B, False),
@@ -108,5 +109,4 @@ class Gamepad:
 
 def _beyond(value: float) -> float:
     """An axis whose first part counts as none."""
-    size = max(0.0, abs(value) - DEADZONE) / (1 - DEADZONE)
-    return size if value > 0 else -size
+    return math.copysign(max(0.0, abs(value) - DEADZONE) / (1 - DEADZONE), value)

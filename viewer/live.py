@@ -9,7 +9,7 @@ few milliseconds for the answer, which is there in time but for such steps; then
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor, TimeoutError
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from typing import Any
 
 from .session import Look, Session
@@ -43,18 +43,12 @@ class Live:
             work, self._wishes = self._wishes, []
             owed, self._owed = self._owed, 0.0
             self._work = self._pool.submit(self._advance, work, owed)
-        try:
-            self._look = self._work.result(timeout=self._patience)
-        except TimeoutError:
-            if self._work.done():  # it was the work itself that raised this
-                self._work = None
-                raise
+        wait([self._work], timeout=self._patience)
+        if not self._work.done():
             self.late += 1
             return self._look
-        except BaseException:
-            self._work = None
-            raise
-        self._work = None
+        done, self._work = self._work, None
+        self._look = done.result()
         return self._look
 
     def do(self, wish: Callable[[Session], Any]) -> None:

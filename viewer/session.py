@@ -164,17 +164,28 @@ class Session:
             self._step(actor)
         self.time = target
 
-    def single_step(self) -> None:
-        """Pause, and go on to the next moment at which a system has a step."""
-        self.paused, self.shown = True, None
+    def single_step(self, *, back: bool = False) -> None:
+        """Pause, and go on to the next moment at which a system has a step, or back to the last one.
+
+        In what is remembered that is a look; at the present a step is made.
+        """
+        self.paused = True
+        if self.shown is None and not back:
+            self.time = self._moment(self.time)
+            while (due := self._due(self.time)) is not None:
+                self._step(due)
+            return
+        moment = self._moment(self.time if self.shown is None else self.shown, back=back)
+        self.shown = max(moment, self.begin) if moment < self.time - EXACTLY else None
+
+    def _moment(self, now: float, *, back: bool = False) -> float:
+        """When the next step of any system is, or when the last one was, seconds."""
         moments = []
         for actor in self.actors.values():
-            period = 1 / actor.system.fps
-            stands = actor.time <= self.time + EXACTLY * period
-            moments.append(actor.time + period if stands else actor.time)
-        self.time = min(moments)
-        while (due := self._due(self.time)) is not None:
-            self._step(due)
+            steps = now * actor.system.fps
+            step = np.ceil(steps - EXACTLY) - 1 if back else np.floor(steps + EXACTLY) + 1
+            moments.append(float(step) / actor.system.fps)
+        return max(moments) if back else min(moments)
 
     def _due(self, now: float) -> Actor | None:
         """Who is least far, of those whose last step is before a time."""

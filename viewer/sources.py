@@ -45,11 +45,13 @@ class Part:
     name : such as mm, lmm or lmm-D.
     driven : what it is made by.
     data : the database that its searches are explained by; None without one.
+    learned : whether networks do any of it.
     """
 
     name: str
     driven: Driven
     data: Data | None = None
+    learned: bool = True
 
     def make(self, settings: Any = None, **options: Any) -> System:
         """The system, of one character; settings are of the class that `driven` names."""
@@ -85,7 +87,7 @@ class Sources:
 
     def data_of(self, run: Recording) -> Data | None:
         """The database that a run was made from, of those given."""
-        return next((data for data in self.databases.values() if _of_run(data, run)), None)
+        return next((data for data in self.databases.values() if origin(data) == run.database), None)
 
     def _own(self) -> dict[str, Callable[[], Part]]:
         several = len(self.databases) > 1
@@ -111,7 +113,7 @@ class Sources:
 
 
 def _classical(name: str, data: Data) -> Part:
-    return Part(name, of_databases.of_data(data), data)
+    return Part(name, of_databases.of_data(data), data, learned=False)
 
 
 def _learned(name: str, model: AnyModel, letters: str, data: Data | None) -> Part:
@@ -225,9 +227,9 @@ def _check(found: Sources, where: Mapping[int, str]) -> None:
             raise UserError("the run was not made from this database", path=where[id(run)], remedy=remedy)
 
 
-def _of_run(data: Data, run: Recording) -> bool:
-    """Whether a run was made from a database, compressed or not."""
-    return run.database == (data.fingerprint if isinstance(data, Database) else data.description.fingerprint)
+def origin(data: Data) -> str:
+    """The fingerprint that runs on a database bear, be it compressed or not."""
+    return data.fingerprint if isinstance(data, Database) else data.description.fingerprint
 
 
 def _fits(model: AnyModel, data: Data) -> bool:
@@ -242,6 +244,6 @@ def _check_model(model: AnyModel, data: Data, path: str | None) -> None:
     """A UserError unless a model is of a database; of a compressed one, of that which it was made from."""
     if isinstance(data, Database):
         model.check(data, path=path)
-    elif model.description.fingerprint != data.description.fingerprint:
+    elif model.description.fingerprint != origin(data):
         remedy = "give the database that it was trained from"
         raise UserError("the model is not of this database", path=path, remedy=remedy)

@@ -141,7 +141,12 @@ class Timeline:
 
     def take_settings(self, settings: Any, data: Any = None) -> None:
         """Remember by what settings, and on what database, steps are made from the next one on."""
-        self._made.append((self.last + 1, settings, data))
+        now = self.last + 1
+        # What was replaced before a step was made by it, or none is remembered that was, is forgotten.
+        until = [*(since for since, *_ in self._made[1:]), now]
+        made = zip(self._made, until, strict=False)
+        kept = [each for each, end in made if end > max(each[0], self.first)]
+        self._made = [*kept, (now, settings, data)]
 
     def made_by(self, step: int) -> tuple[Any, Any]:
         """The settings and the database that a step was made by; None where they are not known."""
@@ -172,17 +177,17 @@ class Timeline:
         row = self._row(self._clip(step))
         return {name: array[row].copy() for name, array in self._arrays.items()}
 
-    def stack(self, name: str) -> NDArray:
-        """An array of all steps remembered [T, ...]."""
-        return self._in_order(self._arrays[name])
+    def stack(self, name: str, *, since: int = 0) -> NDArray:
+        """An array of all steps remembered [T, ...], or of those since a step."""
+        return self._in_order(self._arrays[name], since)
 
-    def step_seconds(self) -> NDArray[np.float64]:
-        """Wall time of all steps remembered [T]."""
-        return self._in_order(self._seconds)
+    def step_seconds(self, *, since: int = 0) -> NDArray[np.float64]:
+        """Wall time of all steps remembered [T], or of those since a step."""
+        return self._in_order(self._seconds, since)
 
-    def cuts(self) -> NDArray[np.bool_]:
+    def cuts(self, *, since: int = 0) -> NDArray[np.bool_]:
         """Whether each step remembered [T] is a cut: the one before does not lead to it."""
-        return self._in_order(self._cuts)
+        return self._in_order(self._cuts, since)
 
     def recording(self) -> Recording:
         """What is remembered as a run: to be saved, or made into a clip."""
@@ -204,9 +209,9 @@ class Timeline:
     def _row(self, step: int) -> int:
         return step % (self.kept + 1)
 
-    def _in_order(self, array: NDArray) -> NDArray:
-        first, last = self.first, self.last
-        start, stop = self._row(first), self._row(last) + 1
+    def _in_order(self, array: NDArray, since: int = 0) -> NDArray:
+        last = self.last
+        start, stop = self._row(max(since, self.first)), self._row(last) + 1
         return array[start:stop].copy() if start < stop else np.concatenate([array[start:], array[:stop]])
 
 

@@ -144,8 +144,8 @@ class Tuning:
     @property
     def _database(self) -> Database | None:
         """The database that a search alone runs on, which may weigh otherwise."""
-        plain = isinstance(self.part.data, Database) and self.part.name.partition("-")[0] == "mm"
-        return self.part.data if plain and isinstance(self.part.data, Database) else None
+        data = self.part.data
+        return data if isinstance(data, Database) and not self.part.learned else None
 
     def set(self, name: str, value: Any) -> bool:
         """Move a slider; whether that takes a new system. What it cannot be is a ConfigError."""
