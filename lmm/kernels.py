@@ -289,7 +289,7 @@ def unpack(vectors, fps, positions, rotations, velocities, angular, contacts):
                 velocities[i, j, a] = vector[9 * n + at]
                 angular[i, j, a] = vector[12 * n + at]
             at = 3 * n + 6 * (j - 1)
-            w, x, y, z = _rotation(
+            w, x, y, z = rotation(
                 vector[at], vector[at + 2], vector[at + 4], vector[at + 1], vector[at + 3], vector[at + 5]
             )
             rotations[i, j, 0], rotations[i, j, 1] = w, x
@@ -308,7 +308,7 @@ def unpack(vectors, fps, positions, rotations, velocities, angular, contacts):
 
 
 @numba.njit(nogil=True, error_model="numpy", inline="always")
-def _rotation(xx, xy, xz, yx, yy, yz):
+def rotation(xx, xy, xz, yx, yy, yz):
     """The quaternion of two columns x and y of a matrix, made orthonormal (Gram-Schmidt, Shepperd).
 
     Those without direction turn nothing.

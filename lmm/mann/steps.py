@@ -11,10 +11,10 @@ import math
 
 import numba
 
-from lmm.kernels import _rotation
 from mm.kernels import turn
 from motion.quat_scalar import cross, normalize, rotate
 
+from ..kernels import rotation
 from ..locomotion.steps import (
     FUTURE,
     SAMPLES,
@@ -103,7 +103,7 @@ def show(characters, y, out, settings, parents, offsets, stretch, contact_column
             forward, up = (row[r], row[r + 1], row[r + 2]), (row[r + 3], row[r + 4], row[r + 5])
             left = cross(up, forward)
             up = cross(forward, left)
-            q = normalize(_rotation(left[0], left[1], left[2], up[0], up[1], up[2]))
+            q = normalize(rotation(left[0], left[1], left[2], up[0], up[1], up[2]))
             forward, up = rotate(q, FORWARD), rotate(q, UP)
             for a in range(4):
                 world_rotations[j, a] = q[a]
