@@ -16,7 +16,7 @@ from mm.recording import Recording, record
 from mm.settings import Settings
 from motion import bvh, console, contacts, kinematics, quat
 from motion.errors import UserError
-from viewer import moments
+from viewer import curves, moments
 from viewer.controls import on_course
 from viewer.session import Session
 from viewer.timeline import Timeline
@@ -187,8 +187,6 @@ def test_peaks_are_the_worst_of_the_dear_searches() -> None:
     np.testing.assert_array_equal(moments.peaks(costs, searched), [100, 124])
     assert not len(moments.peaks(np.linspace(1, 1.5, 400), searched))
     assert not len(moments.peaks(np.full(400, np.nan), searched))
-    played = moments.played_costs(np.array([3.0, np.inf]), np.array([2.0, 1.0]), np.array([False, True]))
-    np.testing.assert_array_equal(played, [3, 1])
 
 
 def test_what_a_system_does_not_tell_has_no_moments() -> None:
@@ -203,3 +201,33 @@ def test_slides_are_those_of_the_feet_that_contacts_are_of(driven: Session) -> N
     toes = ("left_toe", "right_toe")
     np.testing.assert_array_equal(moments.of(timeline, toes)["slide"], usual)
     assert not len(moments.of(timeline, ("left_toe",))["slide"])
+
+
+def test_curves_are_what_they_say(driven: Session) -> None:
+    timeline = driven.actors["mm"].timeline
+    found = curves.of(timeline)
+    assert {len(values) for values in found.values()} == {240}
+    assert found.keys() == {"time", *curves.UNITS}
+    np.testing.assert_allclose(found["time"][[0, -1]], [timeline.begin, timeline.end])
+    at = np.flatnonzero(timeline.stack("searched"))
+    names = ("transition", "cost_candidate", "cost_current")
+    played = np.where(*(timeline.stack(name)[at] for name in names))
+    np.testing.assert_allclose(found["cost"][at], played, rtol=1e-4)
+    np.testing.assert_array_equal(found["cost"][at[3] : at[4]], found["cost"][at[3]])
+    way = np.linalg.norm(np.diff(timeline.stack("positions")[:, 0, [0, 2]], axis=0), axis=-1).sum()
+    assert found["speed"][1:].mean() == pytest.approx(60 * way / 239, rel=0.05)
+    assert np.nanmax(found["skate"]) > 20 and np.nanmin(found["skate"]) >= 0
+    last = curves.of(timeline, since=timeline.last - 9)
+    np.testing.assert_array_equal(last["asked"], found["asked"][-10:])
+    np.testing.assert_array_equal(last["cost"], found["cost"][-10:])
+    np.testing.assert_array_equal(last["step"], found["step"][-10:])
+    assert np.isnan(curves.of(numbered(9))["skate"]).all()
+    assert curves.of(numbered(9))["speed"][1:] == pytest.approx(FPS)
+    assert len(curves.of(numbered(1))["speed"]) == 1
+
+
+def test_a_cut_is_no_speed() -> None:
+    assert curves.of(numbered(40, cuts=[20]))["speed"][1:].max() == pytest.approx(FPS)
+    far = numbered(30)
+    far.append({name: array[None] + 1000 for name, array in far.record(29).items()}, cut=True)
+    assert np.nanmax(curves.of(far)["speed"]) <= FPS + 1e-3

@@ -31,18 +31,17 @@ def of(timeline: Timeline, contact_roles: Sequence[str] | None = None) -> dict[s
     names = timeline.names
     if "transition" in names:
         found["transition"] = np.flatnonzero(timeline.stack("transition"))
-    if "contacts" in names:
-        found["slide"] = _slides(timeline, contact_roles)
-    if "cost_current" in names:
-        current, candidate = timeline.stack("cost_current"), timeline.stack("cost_candidate")
-        played = played_costs(current, candidate, timeline.stack("transition"))
-        found["peak"] = peaks(played, timeline.stack("searched"))
+    found["slide"] = _slides(timeline, contact_roles)
+    if "feature_costs" in names:
+        found["peak"] = peaks(costs(timeline), timeline.stack("searched"))
     return {kind: timeline.first + steps for kind, steps in found.items()}
 
 
-def played_costs(current: NDArray, candidate: NDArray, transition: NDArray) -> NDArray[np.float64]:
-    """What it cost to do what was done at the last search [T]: to jump, or else to play on."""
-    return np.where(transition, candidate, current).astype(np.float64)
+def costs(timeline: Timeline, *, since: int = 0) -> NDArray[np.floating]:
+    """What plays on after the last search costs for its query [T], of the steps remembered since a step; NaN
+    before the first search."""
+    played = timeline.stack("feature_costs", since=since).astype(np.float64).sum(axis=1)
+    return np.where(np.isnan(timeline.stack("cost_current", since=since)), np.nan, played)
 
 
 def peaks(costs: ArrayLike, searched: ArrayLike) -> Steps:
@@ -101,20 +100,35 @@ def before(steps: ArrayLike, step: int) -> int | None:
     return int(steps[at - 1]) if at else None
 
 
-def _slides(timeline: Timeline, roles: Sequence[str] | None) -> Steps:
-    """The steps with which slides begin."""
-    skeleton, touching = timeline.skeleton, timeline.stack("contacts")
-    positions, rotations = (timeline.stack(name).astype(np.float64) for name in ("positions", "rotations"))
+def touches(
+    timeline: Timeline, contact_roles: Sequence[str] | None = None, *, since: int = 0
+) -> NDArray[np.floating] | None:
+    """World positions [T, C, 3] of what touches the ground, of the steps remembered since a step.
+
+    contact_roles : see `of`. None where they do not fit the contacts recorded, or the body has no feet.
+    """
+    if "contacts" not in timeline.names:
+        return None
+    skeleton = timeline.skeleton
+    positions, rotations = (
+        timeline.stack(name, since=since).astype(np.float64) for name in ("positions", "rotations")
+    )
     world = kinematics.forward(skeleton, positions, rotations)
-    if roles is None:
-        try:
-            roles = contacts.contact_roles(skeleton, world[0])
-        except UserError:  # a body without feet
-            roles = ()
-    if len(roles) != touching.shape[1]:
+    try:
+        roles = contacts.contact_roles(skeleton, world[0]) if contact_roles is None else contact_roles
+    except UserError:
+        return None
+    if len(roles) != timeline.record(timeline.last)["contacts"].shape[0]:
+        return None
+    return contacts.place_points(*world, *contacts.touching_points(skeleton, roles))
+
+
+def _slides(timeline: Timeline, contact_roles: Sequence[str] | None) -> Steps:
+    """The steps with which slides begin."""
+    feet = touches(timeline, contact_roles)
+    if feet is None:
         return np.zeros(0, np.int64)
-    feet = contacts.place_points(*world, *contacts.touching_points(skeleton, roles))
-    found = slides(feet, touching, timeline.fps, cuts=timeline.cuts())
+    found = slides(feet, timeline.stack("contacts"), timeline.fps, cuts=timeline.cuts())
     return np.unique([first + 1 for first, _, _ in found]).astype(np.int64)
 
 
