@@ -135,6 +135,7 @@ def test_glitches_that_are_put_in_are_found(database, feet, recording):
     assert pop["clip"].split()[0] == database.names[which]
     assert pop["clip_s"] == pytest.approx((frame - database.starts[which]) / database.fps)
     assert run.moments["times"].is_monotonic_decreasing
+    assert run.blended == pytest.approx(22 / len(run))  # 0.35 s from frame 95 on
     kinds = costs.by_kind(run).set_index("kind")
     assert kinds.loc["pop", ["moments", "after_transition"]].tolist() == [1, 1]
     assert kinds.loc["cost", "per_minute"] == pytest.approx(12)

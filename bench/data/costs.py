@@ -88,6 +88,15 @@ class Run:
         return len(self) / self.fps
 
     @property
+    def blended(self) -> float:
+        """Share of the time that lies within `AFTER` of a jump: of moments that have nothing to do with
+        jumps, as many do."""
+        since = np.arange(len(self)) - np.maximum.accumulate(
+            np.where(self.transition, np.arange(len(self)), -len(self))
+        )
+        return float((since <= AFTER * self.fps).mean())
+
+    @property
     def total(self) -> Array:
         """Costs [T] of all features."""
         return self.costs.sum(axis=1)

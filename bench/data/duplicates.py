@@ -204,7 +204,8 @@ def price(database: Database, clips: Clips, twice: Twice, *, count: int = SEARCH
     """By what share the frames that searches find cost more without those that are spare.
 
     The searches are the first ones of characters that a random user drives (`mm.queries.record`); mirrored
-    copies of what is spare are left out, too. None where 32 tags leave none to mark it by.
+    copies of what is spare are left out, too. Infinite where a search finds nothing any more, None where 32
+    tags leave none to mark it by.
     """
     if len(database.tag_names) >= TAGS:
         return None
@@ -214,8 +215,9 @@ def price(database: Database, clips: Clips, twice: Twice, *, count: int = SEARCH
     tags = np.where(with_copies(database, clips.frames[twice.spare]), mark, np.uint32(0)) | database.tags
     marked = replace(database, tags=tags)
     _, after = queries.neighbours(marked, replace(asked, forbidden=asked.forbidden | mark))
-    known = np.isfinite(before) & np.isfinite(after)
-    return float(after[known].sum() / before[known].sum() - 1) if before[known].sum() > 0 else 0.0
+    known = np.isfinite(before)
+    whole = float(before[known].sum(dtype=np.float64))
+    return float(after[known].sum(dtype=np.float64)) / whole - 1 if whole > 0 else 0.0
 
 
 def with_copies(database: Database, frames: Ints) -> NDArray[np.bool_]:

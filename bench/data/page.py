@@ -74,7 +74,7 @@ def to_json(found: Analysis, *, command: str) -> dict[str, Any]:
             "rare_pop_cm": found.bounds.pop_cm,
             "slip_cm": found.bounds.slip_cm,
         },
-        "spare_price": found.price,
+        "spare_price": None if found.price is None else _known(found.price),
         "covered": None if found.coverage is None else found.coverage.share,
         "components_of_95_percent": found.components.needed(verdict.HELD),
         "tables": {name: plain(table) for name, table in found.tables().items() if name not in LONG},

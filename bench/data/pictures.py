@@ -169,7 +169,9 @@ def speeds(found: Analysis) -> Any:
         width = 0.8 / len(names)
         for i, name in enumerate(names):
             at = np.arange(len(table)) + (i - (len(names) - 1) / 2) * width
-            axes.bar(at, table[name].fillna(0), width=width, color=COLOURS[i], label=name.replace("_", " "))
+            axes.bar(
+                at, table[name].clip(lower=1e-3), width=width, color=COLOURS[i], label=name.replace("_", " ")
+            )
         axes.set_yscale("log")
         axes.set_ylim(0.05, 2 * max(1, table[[*names]].max(axis=None)))
         axes.axhline(reach.ENOUGH, color=INK, linewidth=0.6, linestyle=(0, (4, 3)))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from . import costs, duplicates, features, glitches, reach
@@ -27,11 +29,9 @@ def captures(found: Analysis) -> str:
     told = []
     if len(leaps):
         where = [
-            f"{row.clip} at {row.at_s:.2f} s ({row.joint}, {row.pop_cm:.1f} cm)"
-            for row in leaps.head(NAMED).itertuples()
+            f"{row.clip} at {row.at_s:.2f} s ({row.joint}, {row.pop_cm:.1f} cm)" for row in leaps.itertuples()
         ]
-        more = f" and {len(leaps) - NAMED} more" * (len(leaps) > NAMED)
-        told.append(f"Look at these captures: a joint leaps in {', '.join(where)}{more}.")
+        told.append(f"Look at these captures: a joint leaps in {_some(where, 'places')}.")
     else:
         told.append(
             f"No joint leaps by {glitches.LEAPS:g} times what {glitches.RARE:g} % of the frames stay below, "
@@ -53,17 +53,16 @@ def columns(found: Analysis) -> str:
     needed = found.components.needed(HELD)
     told = [f"{needed} components hold {HELD:.0%} of what the {len(table)} columns say."]
     if len(found.redundant):
-        pairs = [f"{row.column} and {row.other}" for row in found.redundant.head(NAMED).itertuples()]
-        more = f" and {len(found.redundant) - NAMED} more pairs" * (len(found.redundant) > NAMED)
+        pairs = [f"{row.column} and {row.other}" for row in found.redundant.itertuples()]
         told.append(
-            f"{', '.join(pairs)}{more} say the same (|correlation| over {features.SAME:g}): "
+            f"{_some(pairs, 'pairs')} say the same (|correlation| over {features.SAME:g}): "
             "one of each would do."
         )
     else:
         told.append(f"No two say the same (|correlation| over {features.SAME:g}).")
-    still = table["column"][table["constant"]]
-    if len(still):
-        told.append(f"{', '.join(still)} hardly var{'ies' if len(still) == 1 else 'y'}.")
+    still = list(table["column"][table["constant"]])
+    if still:
+        told.append(f"{_some(still, 'columns')} hardly var{'ies' if len(still) == 1 else 'y'}.")
     first = found.weights.loc[found.weights["any_share"].idxmax()]
     told.append(
         f"{first['feature']} makes {first['any_share']:.0%} of the cost of two frames at random and "
@@ -129,8 +128,8 @@ def of_run(run: Run) -> str:
         told = [
             f"In {run.seconds:.0f} s the run looks wrong {total} times, {60 * total / run.seconds:.0f} a "
             f"minute: searches that find nothing like what is asked {counts['cost']}, pops {counts['pop']}, "
-            f"feet that slip {counts['slip']}; {kinds['after_transition'].sum()} within "
-            f"{costs.AFTER:g} s of a jump.",
+            f"feet that slip {counts['slip']}. {kinds['after_transition'].sum() / total:.0%} of them come "
+            f"within {costs.AFTER:g} s of a jump, as {run.blended:.0%} of all time does.",
             f"The worst is at {worst['at_s']:.1f} s: {worst['kind']}, {worst['what']}, "
             f"{worst['times']:.1f} times the bound.",
         ]
@@ -139,3 +138,8 @@ def of_run(run: Run) -> str:
         first = table.loc[table["share"].idxmax()]
         told.append(f"{first['share']:.0%} of all cost is {first['feature']}.")
     return " ".join(told)
+
+
+def _some(names: Sequence[str], what: str) -> str:
+    """The first of many names, and how many more."""
+    return ", ".join(names[:NAMED]) + f" and {len(names) - NAMED} more {what}" * (len(names) > NAMED)
