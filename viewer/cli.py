@@ -60,8 +60,8 @@ class Size(click.ParamType):
 @click.option("--fps", type=console.Number(1, 120), help="Pictures a second.  [default: 30; .gif: 25]")
 @click.option("--camera", type=click.Choice(CAMERAS), default="follow", show_default=True,
               help="Move along, go around too, or stand where all of the way is seen.")  # fmt: skip
-@click.option("--view", type=click.Choice(VIEWS), default="quarter", show_default=True,
-              help="The side of the character that is seen at the start.")  # fmt: skip
+@click.option("--view", type=click.Choice(VIEWS),
+              help="The side seen at the start.  [default: quarter; of several front]")  # fmt: skip
 @click.option(
     "--elevation", type=console.Number(-10, 89), default=12.0, show_default=True, help="Degrees above level."
 )
@@ -81,7 +81,7 @@ def main(
     stop: float | None,
     fps: float | None,
     camera: str,
-    view: str,
+    view: str | None,
     elevation: float,
     distance: float | None,
     turn: float,
@@ -115,7 +115,8 @@ def main(
     stop = end if stop is None else min(stop, end)
     if start > end or (stop < start if form == ".png" else stop <= start):
         raise UserError(f"nothing from {start:g} to {stop:g} s", remedy=f"the longest lasts {end:.2f} s")
-    seen = views.View(camera, np.radians(views.SIDES[view]), np.radians(elevation), distance, turn)
+    side = view or ("front" if len(shows) > 1 else "quarter")
+    seen = views.View(camera, np.radians(views.SIDES[side]), np.radians(elevation), distance, turn)
     rate = fps or RATES.get(form, 30.0)
     if filmstrip:
         times = np.linspace(start, stop, filmstrip).tolist()

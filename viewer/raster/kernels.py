@@ -24,10 +24,10 @@ NONE = -1
 def place(transforms, parts, vertices, normals, out_vertices, out_normals):
     """Vertices and normals [V, 3] in the world, by the transforms [K, 3, 4] of their parts [V]."""
     for v in range(vertices.shape[0]):
-        t = transforms[parts[v]]
+        k = parts[v]
         for i in range(3):
-            x, y, z = t[i, 0], t[i, 1], t[i, 2]
-            out_vertices[v, i] = x * vertices[v, 0] + y * vertices[v, 1] + z * vertices[v, 2] + t[i, 3]
+            x, y, z, w = transforms[k, i, 0], transforms[k, i, 1], transforms[k, i, 2], transforms[k, i, 3]
+            out_vertices[v, i] = x * vertices[v, 0] + y * vertices[v, 1] + z * vertices[v, 2] + w
             out_normals[v, i] = x * normals[v, 0] + y * normals[v, 1] + z * normals[v, 2]
 
 
@@ -54,28 +54,31 @@ def visibility(places, triangles, two_sided, near, floor, depth, ids, low, high,
     their factors of x, y and 1.
     """
     rows, columns = depth.shape
+    p, e = np.empty((3, 3)), np.empty((3, 3))
     for f in range(triangles.shape[0]):
-        a, b, c = places[triangles[f, 0]], places[triangles[f, 1]], places[triangles[f, 2]]
-        corners, e = (a, b, c), shares[f]
         for i in range(3):
-            p, q = corners[(i + 1) % 3], corners[(i + 2) % 3]
-            e[i, 0] = p[1] * q[2] - q[1] * p[2]
-            e[i, 1] = q[0] * p[2] - p[0] * q[2]
-            e[i, 2] = p[0] * q[1] - q[0] * p[1]
-        size = a[0] * e[0, 0] + a[1] * e[0, 1] + a[2] * e[0, 2]
+            for k in range(3):
+                p[i, k] = places[triangles[f, i], k]
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            e[i, 0] = p[j, 1] * p[k, 2] - p[k, 1] * p[j, 2]
+            e[i, 1] = p[k, 0] * p[j, 2] - p[j, 0] * p[k, 2]
+            e[i, 2] = p[j, 0] * p[k, 1] - p[k, 0] * p[j, 1]
+        size = p[0, 0] * e[0, 0] + p[0, 1] * e[0, 1] + p[0, 2] * e[0, 2]
         # Counter-clockwise from outside is clockwise where y goes down.
         if not abs(size) > LEAST or (size > 0 and not two_sided[f]):
             continue
         sign = 1.0 if size > 0 else -1.0
         left, right, top, bottom = 1e30, -1e30, 1e30, -1e30
         for i in range(3):
-            p, q = corners[i], corners[(i + 1) % 3]
-            if p[2] >= near:
-                x, y = p[0] / p[2], p[1] / p[2]
+            j = (i + 1) % 3
+            if p[i, 2] >= near:
+                x, y = p[i, 0] / p[i, 2], p[i, 1] / p[i, 2]
                 left, right, top, bottom = min(left, x), max(right, x), min(top, y), max(bottom, y)
-            if (p[2] >= near) != (q[2] >= near):
-                t = (near - p[2]) / (q[2] - p[2])
-                x, y = (p[0] + t * (q[0] - p[0])) / near, (p[1] + t * (q[1] - p[1])) / near
+            if (p[i, 2] >= near) != (p[j, 2] >= near):
+                t = (near - p[i, 2]) / (p[j, 2] - p[i, 2])
+                x = (p[i, 0] + t * (p[j, 0] - p[i, 0])) / near
+                y = (p[i, 1] + t * (p[j, 1] - p[i, 1])) / near
                 left, right, top, bottom = min(left, x), max(right, x), min(top, y), max(bottom, y)
         first = math.ceil(max(top - 0.5, 0.0))
         last = math.floor(min(bottom - 0.5, rows - 1.0))
@@ -110,22 +113,24 @@ def visibility(places, triangles, two_sided, near, floor, depth, ids, low, high,
                     ids[y, x] = f
         for i in range(3):
             for k in range(3):
-                e[i, k] /= size
+                shares[f, i, k] = e[i, k] / size
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _shaded(e, x, y, t, vertices, normals, colours, eye, sun, sky, bounce):
-    """Colour of a triangle, by its shares e and corners t, at a place in the picture (in samples)."""
-    total = 0.0
+def _shaded(f, x, y, shares, triangles, vertices, normals, colours, eye, sun, sky, bounce):
+    """Colour of triangle f at a place in the picture (in samples)."""
+    s0 = max(shares[f, 0, 0] * x + shares[f, 0, 1] * y + shares[f, 0, 2], 0.0)
+    s1 = max(shares[f, 1, 0] * x + shares[f, 1, 1] * y + shares[f, 1, 2], 0.0)
+    s2 = max(shares[f, 2, 0] * x + shares[f, 2, 1] * y + shares[f, 2, 2], 0.0)
+    each = (s0, s1, s2)
+    whole = 1 / (s0 + s1 + s2)
     px = py = pz = nx = ny = nz = r = g = b = 0.0
     for i in range(3):
-        share = max(e[i, 0] * x + e[i, 1] * y + e[i, 2], 0.0)
-        v = t[i]
-        total += share
+        share, v = each[i] * whole, triangles[f, i]
         px, py, pz = px + share * vertices[v, 0], py + share * vertices[v, 1], pz + share * vertices[v, 2]
         nx, ny, nz = nx + share * normals[v, 0], ny + share * normals[v, 1], nz + share * normals[v, 2]
         r, g, b = r + share * colours[v, 0], g + share * colours[v, 1], b + share * colours[v, 2]
-    vx, vy, vz = eye[0] - px / total, eye[1] - py / total, eye[2] - pz / total
+    vx, vy, vz = eye[0] - px, eye[1] - py, eye[2] - pz
     s = 1 / max(math.sqrt(vx * vx + vy * vy + vz * vz), 1e-12)
     vx, vy, vz = vx * s, vy * s, vz * s
     s = 1 / max(math.sqrt(nx * nx + ny * ny + nz * nz), 1e-12)
@@ -146,9 +151,9 @@ def _shaded(e, x, y, t, vertices, normals, colours, eye, sun, sky, bounce):
     edge = (1 - facing) * (1 - facing)
     edge = 0.1 * edge * edge * above
     add = gloss + edge
-    r = r / total * (sun[3] * light + bounce[0] + (sky[0] - bounce[0]) * above) + add
-    g = g / total * (sun[3] * light + bounce[1] + (sky[1] - bounce[1]) * above) + add
-    b = b / total * (sun[3] * light + bounce[2] + (sky[2] - bounce[2]) * above) + add
+    r = r * (sun[3] * light + bounce[0] + (sky[0] - bounce[0]) * above) + add
+    g = g * (sun[3] * light + bounce[1] + (sky[1] - bounce[1]) * above) + add
+    b = b * (sun[3] * light + bounce[2] + (sky[2] - bounce[2]) * above) + add
     return 255 * math.sqrt(min(r, 1.0)), 255 * math.sqrt(min(g, 1.0)), 255 * math.sqrt(min(b, 1.0))
 
 
@@ -180,7 +185,13 @@ def shade(
         stop = min((max(high[2 * y], high[2 * y + 1]) + 1) // 2, image.shape[1])
         for x in range(start, stop):
             kinds = 0
-            for k in range(4):
+            f = ids[2 * y, 2 * x]
+            if f == ids[2 * y, 2 * x + 1] and f == ids[2 * y + 1, 2 * x] and f == ids[2 * y + 1, 2 * x + 1]:
+                if f < 0:
+                    continue
+                kinds, seen[0], count[0] = 1, f, 4
+                xs[0], ys[0] = 8 * x + 4.0, 8 * y + 4.0
+            for k in range(4 if kinds == 0 else 0):
                 sy, sx = 2 * y + k // 2, 2 * x + k % 2
                 f = ids[sy, sx]
                 if f < 0:
@@ -200,7 +211,7 @@ def shade(
             for i in range(kinds):
                 f, n = seen[i], count[i]
                 cr, cg, cb = _shaded(
-                    shares[f], xs[i] / n, ys[i] / n, triangles[f], vertices, normals, colours,
+                    f, xs[i] / n, ys[i] / n, shares, triangles, vertices, normals, colours,
                     eye, sun, sky, bounce,
                 )  # fmt: skip
                 weight = 0.25 * n * opacities[f]
@@ -230,10 +241,10 @@ def cast(vertices, triangles, slant, origin, texel, mask):
     xs, zs = np.empty(3), np.empty(3)
     for f in range(triangles.shape[0]):
         for i in range(3):
-            v = vertices[triangles[f, i]]
-            y = max(v[1], 0.0)
-            xs[i] = (v[0] + slant[0] * y - origin[0]) / texel
-            zs[i] = (v[2] + slant[1] * y - origin[1]) / texel
+            v = triangles[f, i]
+            y = max(vertices[v, 1], 0.0)
+            xs[i] = (vertices[v, 0] + slant[0] * y - origin[0]) / texel
+            zs[i] = (vertices[v, 2] + slant[1] * y - origin[1]) / texel
         first = max(math.ceil(min(zs) - 0.5), 0)
         last = min(math.floor(max(zs) - 0.5), mask.shape[0] - 1)
         for row in range(first, last + 1):
@@ -269,11 +280,18 @@ def blur(mask, reach, out):
 
 
 @numba.njit(inline="always", cache=True)
+def _floor(x):
+    """The whole number at or below x; unlike the library's, many at once."""
+    whole = np.float32(np.int32(x))
+    return whole - np.float32(whole > x)
+
+
+@numba.njit(inline="always", cache=True)
 def _grid(u, filtered, width):
     """Share of a stretch of length filtered around u that lies on lines of a width, around whole numbers."""
     half = np.float32(0.5)
     a, b = u + (width - filtered) * half, u + (width + filtered) * half
-    fa, fb = np.floor(a), np.floor(b)
+    fa, fb = _floor(a), _floor(b)
     return ((fb - fa) * width + min(b - fb, width) - min(a - fa, width)) / filtered
 
 
@@ -289,7 +307,8 @@ def _ground_row(x0, dx, z0, dz, bx, bz, away, ex, ez, spacing, width, cx, cz, ra
     per, per_radius = one / spacing, one / (radius * radius)
     wide, slim = width * per, width * per * np.float32(0.4)
     for x in range(lines.shape[0]):
-        gx, gz = x0 + np.float32(x) * dx, z0 + np.float32(x) * dz
+        step = np.float32(np.int32(x))
+        gx, gz = x0 + step * dx, z0 + step * dz
         wx = max((abs(dx) + abs(away * (gx - ex) + bx)) * per, least)
         wz = max((abs(dz) + abs(away * (gz - ez) + bz)) * per, least)
         u, w = gx * per, gz * per
@@ -301,35 +320,41 @@ def _ground_row(x0, dx, z0, dz, bx, bz, away, ex, ez, spacing, width, cx, cz, ra
         fades[x] = left * left
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _darken(dark, x0, dx, z0, dz, shadow, darkness):
-    """How much darker pixels of one row are; their places are in cells of the shadow."""
-    rows, cells = shadow.shape
-    for x in range(dark.shape[0]):
-        dark[x] = 0
+    """How much darker pixels of one row are; places are in the shadow's cells."""
+    first, last = 0.0, dark.shape[0] - 1.0
+    for start, slope, most in ((x0, dx, shadow.shape[1] - 1), (z0, dz, shadow.shape[0] - 1)):
+        if slope == 0:
+            last = last if 0 < start < most else -1.0
+        else:
+            a, b = -start / slope, (most - start) / slope
+            first, last = max(first, min(a, b)), min(last, max(a, b))
+    dark[:] = 0
+    if first > last:
+        return
+    for x in range(math.ceil(first), math.floor(last) + 1):
         u, w = x0 + x * dx, z0 + x * dz
-        if u > 0 and w > 0 and u < cells - 1 and w < rows - 1:
-            i, j = int(u), int(w)
-            p, q = u - i, w - j
-            above = shadow[j, i] + p * (shadow[j, i + 1] - shadow[j, i])
-            below = shadow[j + 1, i] + p * (shadow[j + 1, i + 1] - shadow[j + 1, i])
-            dark[x] = darkness * (above + q * (below - above))
+        i = min(max(int(u), 0), shadow.shape[1] - 2)
+        j = min(max(int(w), 0), shadow.shape[0] - 2)
+        p, q = u - i, w - j
+        above = shadow[j, i] + p * (shadow[j, i + 1] - shadow[j, i])
+        below = shadow[j + 1, i] + p * (shadow[j + 1, i + 1] - shadow[j + 1, i])
+        dark[x] = darkness * (above + q * (below - above))
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def _paint_row(row, lines, fades, dark, horizon, floor, line):
-    """Colours of one row of ground into row uint8 [W, 3]; all of the rest is float32."""
-    half = np.float32(0.5)
-    h0, h1, h2 = horizon[0], horizon[1], horizon[2]
-    f0, f1, f2 = floor[0], floor[1], floor[2]
-    l0, l1, l2 = line[0] - f0, line[1] - f1, line[2] - f2
+def _paint_row(row, lines, fades, dark, horizon, floor, line, tints):
+    """Colours of one row of ground into row uint8 [W, 3]; the rest is float32, tints uint8 [3, W] is work."""
+    half, one = np.float32(0.5), np.float32(1)
+    for i in range(3):
+        far, near, more = horizon[i], floor[i], line[i] - floor[i]
+        for x in range(row.shape[0]):
+            f = fades[x]
+            ground = (one - dark[x]) * (near + lines[x] * more)
+            tints[i, x] = np.uint8(np.int32(far + f * (ground - far) + half))
     for x in range(row.shape[0]):
-        f, g = fades[x], lines[x]
-        s = (np.float32(1) - dark[x]) * f
-        h = np.float32(1) - f
-        row[x, 0] = np.uint8(h * h0 + s * (f0 + g * l0) + half)
-        row[x, 1] = np.uint8(h * h1 + s * (f1 + g * l1) + half)
-        row[x, 2] = np.uint8(h * h2 + s * (f2 + g * l2) + half)
+        row[x, 0], row[x, 1], row[x, 2] = tints[0, x], tints[1, x], tints[2, x]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -344,7 +369,7 @@ def background(image, eye, axes, focal, level, grid, colours, shadow, corner, te
     height, columns = image.shape[0], image.shape[1]
     right, down, ahead = axes[0], axes[1], axes[2]
     lines, fades = np.empty(columns, np.float32), np.empty(columns, np.float32)
-    dark = np.zeros(columns, np.float32)
+    dark, tints = np.zeros(columns, np.float32), np.empty((3, columns), np.uint8)
     single = np.float32
     shaded = darkness > 0 and min(shadow.shape) > 1
     for y in range(height):
@@ -371,7 +396,7 @@ def background(image, eye, axes, focal, level, grid, colours, shadow, corner, te
         if shaded:
             sx, sz = (x0 - corner[0]) / texel - 0.5, (z0 - corner[1]) / texel - 0.5
             _darken(dark, sx, dx / texel, sz, dz / texel, shadow, darkness)
-        _paint_row(image[y], lines, fades, dark, colours[1], colours[2], colours[3])
+        _paint_row(image[y], lines, fades, dark, colours[1], colours[2], colours[3], tints)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
