@@ -57,14 +57,12 @@ def stances(feet: Array, touching: NDArray, fps: float, rest: Array) -> pd.DataF
     """
     steps = metrics.skate(feet, fps, rest) / fps
     stands = (np.asarray(touching)[1:] > 0) & (np.asarray(touching)[:-1] > 0)
-    rows = []
+    whole, rows = Clips.one(len(stands), fps), []
     for foot in range(stands.shape[1]):
-        edges = np.flatnonzero(np.diff(stands[:, foot].astype(np.int8), prepend=0, append=0))
-        for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        for start, stop in whole.passages(stands[:, foot]):
             slides = steps[start:stop, foot]
-            rows.append(
-                (foot, int(start), int(stop) + 1, int(start + 1 + slides.argmax()), float(slides.sum()))
-            )
+            worst = int(start + 1 + slides.argmax())
+            rows.append((foot, int(start), int(stop + 1), worst, float(slides.sum())))
     return pd.DataFrame(rows, columns=STANCE)
 
 
