@@ -13,14 +13,16 @@ import pytest
 from locomotion_models import CONTROLLERS, MODELS
 
 from lmm import controller as controllers
+from mm import course as courses
 from mm.control import Command, System
 from mm.controller import Controller
+from mm.driving import at_data_speeds
 from mm.settings import Settings
 from motion import kinematics, quat
 from motion.errors import NotFinite, UserError
 from motion.pose import Poses
 from motion.skeleton import Skeleton
-from viewer.controls import Hands, Stick
+from viewer.controls import Hands, Stick, on_course
 from viewer.live import Live
 from viewer.played import Played, shape_of
 from viewer.session import Session
@@ -192,11 +194,40 @@ def test_nobody_slides_to_where_they_are_put() -> None:
     for _ in range(40):
         found.advance(0.001)
         seen.append(found.look().actors["walker"].positions[0, 0])
-    assert set(np.round(seen, 3)) == {0.0, 10.0}
+    assert set(np.round(seen, 3)) == {10.0}
+    found.scrub(0.09)
+    assert found.look().actors["walker"].positions[0, 0] == 0
+    found.scrub(7 / 60 - 0.001)  # just before
+    assert found.look().actors["walker"].positions[0, 0] == 0
+    found.paused = False
     assert found.places()[0][0, 0] == 10
     found.reset()
     found.advance(0.05)
     assert found.look().actors["walker"].positions[0, 0] == 0
+
+
+def test_who_is_put_elsewhere_in_a_pause_is_seen_there() -> None:
+    found = session(Walker(name="a"), Walker(name="b"))
+    found.advance(0.105)
+    found.scrub(0.05)
+    found.teleport([7.0, 0.0], 0.0, name="b")
+    look = found.look()
+    assert (found.paused, look.live) == (True, True)
+    assert [look.actors[name].positions[0, 0] for name in "ab"] == [0, 7]
+    found.reset()
+    assert [found.look().actors[name].positions[0, 0] for name in "ab"] == [0, 0]
+    found.paused = False
+    found.advance(0.1)
+    assert where(found, "a")[0] == where(found, "b")[0] == pytest.approx(0.1, abs=0.02)
+
+
+def test_another_system_that_cannot_go_on_begins_where_the_old_one_is() -> None:
+    found = session(Walker())
+    found.advance(0.25)
+    found.exchange("walker", Walker())
+    assert where(found)[0] == pytest.approx(0.25, abs=0.02)
+    found.advance(0.1)
+    assert where(found)[0] == pytest.approx(0.35, abs=0.02)
 
 
 def test_who_breaks_stands_still_and_says_why_until_it_is_reset() -> None:
@@ -214,7 +245,7 @@ def test_who_breaks_stands_still_and_says_why_until_it_is_reset() -> None:
     found.reset()
     found.advance(0.2)
     assert not found.look().errors
-    assert broken.steps == fine.steps == 11  # a reset is a step itself
+    assert broken.steps == fine.steps == 12
 
 
 def _raise(command: Command) -> Poses:
@@ -288,6 +319,22 @@ def test_real_systems_go_back_in_time_and_do_the_same_again(shown: Session) -> N
     assert not np.array_equal(other["mm"], once["mm"])
 
 
+def test_a_course_goes_back_with_its_character() -> None:
+    data = lmm_models.database()
+    course = at_data_speeds(courses.load("square"), data)
+    found = Session({"mm": Controller(data)}, on_course(course))
+    played(found, 90)
+    found.reset()
+    played(found, 60)
+    there = found.time
+    once = played(found, 60)["mm"]
+    found.reset()  # another lap, whose time begins anew
+    played(found, 30)
+    found.scrub(there)
+    found.resume()
+    np.testing.assert_array_equal(played(found, 60)["mm"], once)
+
+
 def test_real_systems_take_settings_on_the_way(shown: Session) -> None:
     before = shown.time
     shown.retune("mm", Settings(inertialization_halflife=0.0, synchronization="none"))
@@ -312,7 +359,7 @@ def test_a_system_that_comes_later_stands_where_the_first_one_is() -> None:
     found.add("late", Walker(30.0), pilot)
     found.advance(0.1)
     late = found.look().actors["late"]
-    assert late.time == pytest.approx(0.31)
+    assert [late.time, found.time] == pytest.approx([7 / 30 + 0.1] * 2)
     assert 0.2 < late.positions[0, 2] < 0.36
     assert found.begin == pytest.approx(7 / 30)
     with pytest.raises(UserError, match="a late already"):

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -49,6 +49,14 @@ class Pilot(Protocol):
     def recall(self, remembered: Any) -> None: ...
 
 
+class _Piloting(NamedTuple):
+    """A pilot, since when it commanded, and what it remembered."""
+
+    pilot: Pilot
+    since: float
+    remembered: Any
+
+
 @dataclass(eq=False)
 class Actor:
     """One system of a session, with one character.
@@ -57,14 +65,14 @@ class Actor:
     ----------
     timeline : what it did; its last step is where it is.
     resumable : the system, where it can go back.
-    memories : step, where it was then, its pilot, and what that one remembered; as far as the timeline goes.
+    memories : step, where it was then, and its pilot; as far as the timeline goes.
     error : what ended it, until it is reset.
     """
 
     name: str
     system: System
     timeline: Timeline
-    memories: deque[tuple[int, Any, Pilot, Any]]
+    memories: deque[tuple[int, Any, _Piloting]]
     resumable: Resumable | None = None
     error: str | None = None
 
@@ -205,6 +213,10 @@ class Session:
             else:
                 self._keep(actor, command, poses, seconds=self._clock() - start)
                 return
+        self._hold(actor)
+
+    def _hold(self, actor: Actor) -> None:
+        """A step in which nothing happens."""
         actor.timeline.hold()
         if actor.memories:
             actor.memories.append((actor.timeline.last, *actor.memories[-1][1:]))
@@ -219,8 +231,8 @@ class Session:
     def _keep(self, actor: Actor, command: Command, poses: Poses, **how: Any) -> None:
         actor.timeline.append(recording.step(actor.system, command, poses), **how)
         if actor.resumable is not None:
-            remembered = actor.resumable.remember()
-            actor.memories.append((actor.timeline.last, remembered, self.pilot, self.pilot.remember()))
+            piloting = _Piloting(self.pilot, self._since, self.pilot.remember())
+            actor.memories.append((actor.timeline.last, actor.resumable.remember(), piloting))
 
     # Places
 
@@ -236,35 +248,38 @@ class Session:
     def reset(self) -> None:
         """Put all where the pilot starts, at rest; what they did is remembered."""
         self.pilot.reset()
+        self._put(list(self.actors.values()), self.pilot.starts, self.pilot.yaws)
         self.take_pilot(self.pilot)
-        for which, actor in enumerate(self.actors.values()):
-            self._put(actor, self.pilot.starts[which : which + 1], self.pilot.yaws[which : which + 1])
 
     def teleport(self, positions: ArrayLike, yaws: ArrayLike, *, name: str | None = None) -> None:
         """Put one, or all by default, at positions [2] or [N, 2], facing yaws [] or [N], at rest."""
         who = [self.actors[name]] if name is not None else list(self.actors.values())
+        self._put(who, positions, yaws)
+
+    def _put(self, who: Sequence[Actor], positions: ArrayLike, yaws: ArrayLike) -> None:
+        """Make steps that the last ones do not lead to, all at one time, and show them."""
         places = np.broadcast_to(np.asarray(positions, np.float32), (len(who), 2))
         facing = np.broadcast_to(np.asarray(yaws, np.float32), (len(who),))
-        for which, actor in enumerate(who):
-            self._put(actor, places[which : which + 1], facing[which : which + 1])
-
-    def _put(self, actor: Actor, positions: NDArray[np.float32], yaws: NDArray[np.float32]) -> None:
-        """A step that the last one does not lead to."""
-        actor.system.reset(positions, yaws)
-        actor.error, self._asked = None, None
-        command = Command.still(1)
-        command.yaw[:] = yaws
-        record = actor.system.record()
-        poses = Poses.empty(1, len(actor.system.skeleton))
-        poses.positions[:], poses.rotations[:] = record["positions"], record["rotations"]
-        self._keep(actor, command, poses, cut=True)
+        begin = max(actor.time for actor in who)
+        for actor, place, yaw in zip(who, places, facing, strict=True):
+            while len(actor.timeline) and actor.time < begin - EXACTLY / actor.system.fps:
+                self._hold(actor)
+            actor.system.reset(place[None], yaw[None])
+            actor.error = None
+            command = Command.still(1)
+            command.yaw[:] = yaw
+            record = actor.system.record()
+            poses = Poses.empty(1, len(actor.system.skeleton))
+            poses.positions[:], poses.rotations[:] = record["positions"], record["rotations"]
+            self._keep(actor, command, poses, cut=True)
+        self.time, self.shown, self._asked = max([self.time, *(actor.time for actor in who)]), None, None
 
     # Looking back
 
-    def scrub(self, time: float | None) -> None:
+    def scrub(self, moment: float | None) -> None:
         """Look at a time that is remembered, and pause; None: at the present, and stay paused."""
         self.paused = True
-        self.shown = None if time is None else min(max(time, self.begin), self.time)
+        self.shown = None if moment is None else min(max(moment, self.begin), self.time)
 
     @property
     def begin(self) -> float:
@@ -297,26 +312,25 @@ class Session:
         if self.fixed:
             remedy = "look back, and go on from the present"
             raise UserError(f"{', '.join(self.fixed)} cannot go back to an earlier time", remedy=remedy)
-        latest = -np.inf
+        last, self._since = -np.inf, self.shown
         for actor in self.actors.values():
             step = actor.timeline.step_at(self.shown)
-            pilot, remembered = self._go_back(actor, step)
-            if pilot is self.pilot and (step - 1) / actor.system.fps > latest:
-                latest = (step - 1) / actor.system.fps
-                pilot.recall(remembered)
+            piloting, asked = self._go_back(actor, step), (step - 1) / actor.system.fps
+            # Of several the one that was asked last; another pilot goes on as it is, from now.
+            if piloting.pilot is self.pilot and asked > last:
+                self.pilot.recall(piloting.remembered)
+                last, self._since = asked, piloting.since
         self.time, self.shown, self.paused, self._asked = self.shown, None, False, None
-        self._since = min(self._since, self.time)
 
-    def _go_back(self, actor: Actor, step: int) -> tuple[Pilot, Any]:
-        """The pilot of that step, and what it remembered."""
+    def _go_back(self, actor: Actor, step: int) -> _Piloting:
         assert actor.resumable is not None  # `resume` asks
         while actor.memories[-1][0] > step:
             actor.memories.pop()
-        _, remembered, pilot, of_pilot = actor.memories[-1]
+        _, remembered, piloting = actor.memories[-1]
         actor.resumable.recall(remembered)
         actor.timeline.forget_after(step)
         actor.error = None
-        return pilot, of_pilot
+        return piloting
 
     # Changes
 
@@ -328,7 +342,7 @@ class Session:
         actor = self._actor(name, system, start=round(np.ceil(self.time * system.fps - EXACTLY)))
         self.actors[name] = actor
         self.take_pilot(pilot)
-        self._put(actor, positions[:1], yaws[:1])
+        self._put([actor], positions[0], yaws[0])
 
     def retune(self, name: str, settings: Any) -> None:
         """Let a system go on by other settings; those that it cannot take on its way are a UserError."""
@@ -340,11 +354,14 @@ class Session:
 
     def exchange(self, name: str, system: System) -> None:
         """Let another system, made alike but for its settings or weights, go on where one is."""
-        actor = self.actors[name]
+        actor, which = self.actors[name], list(self.actors).index(name)
         before = actor.resumable
         self._take_system(actor, system)
         if before is not None and actor.resumable is not None:
             actor.resumable.recall(before.remember())
+        else:
+            positions, yaws = self.places()
+            self._put([actor], positions[which], yaws[which])
 
     def _take_system(self, actor: Actor, system: System) -> None:
         # Asking for the protocol takes longer than a step.
