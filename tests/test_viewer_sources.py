@@ -251,7 +251,9 @@ def test_a_system_of_other_weights_goes_on_where_the_old_one_is(part: sources.Pa
     workshop.close()
     assert made["mm"].database.schema.features[0].weight == 4.0
     before = session.look().actors["mm"]
-    session.exchange("mm", made["mm"])
+    tuning.set("velocity_halflife", 0.1)  # moved meanwhile
+    tuning.take(session, "mm", made["mm"])
+    assert session.actors["mm"].system.settings == tuning.settings == Settings(velocity_halflife=0.1)
     session.single_step()
     after = session.look().actors["mm"]
     np.testing.assert_allclose(after.positions, before.positions, atol=0.05)

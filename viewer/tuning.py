@@ -19,6 +19,7 @@ from motion import config, files, templates
 from motion.config import ConfigError
 from motion.errors import UserError
 
+from .session import Session
 from .sources import Part
 
 # Lowest and highest number that is of use, and the unit.
@@ -119,7 +120,7 @@ class Tuning:
 
     A change is checked, and told to the system by who asks for it: settings at once (`Session.retune`); what
     a search index or features are made of by a new system, that `make` gives and `Workshop` makes in the
-    background, and that goes on where the old one is (`Session.exchange`).
+    background, and that goes on where the old one is (`take`).
 
     Attributes
     ----------
@@ -196,6 +197,13 @@ class Tuning:
             data = reweighted(self._database, self.weights)
             part = dataclasses.replace(part, driven=of_databases.of_data(data), data=data)
         return part.make(self.settings, **options)
+
+    def take(self, session: Session, name: str, system: System) -> None:
+        """Let a system that was made go on where the old one is, by what the sliders are at by now."""
+        session.exchange(name, system)
+        made_by = getattr(system, "settings", self.settings)
+        if made_by != self.settings and not _differ(made_by, self.settings):
+            session.retune(name, self.settings)
 
     def _schema(self) -> Schema:
         if self._database is None:
