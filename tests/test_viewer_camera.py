@@ -58,11 +58,11 @@ def test_following_makes_half_of_the_way_every_half_life_at_any_rate() -> None:
     np.testing.assert_allclose(often.target, once.target, atol=1e-9)
 
 
-@pytest.mark.parametrize(("size", "aspect"), [((0.5, 1.8), 1.0), ((6.0, 1.8), 1.5), ((3.0, 1.0), 0.5)])
-def test_what_is_fitted_is_seen_whole_and_large(size: tuple[float, float], aspect: float) -> None:
-    distance = camera.fitting(size, aspect)
-    eye = camera.orbit([0, 0, 0], azimuth=0, elevation=0, distance=distance)
-    width, height = round(600 * aspect), 600
-    corner, _ = camera.project(eye, [size[0] / 2, size[1] / 2, size[0] / 4], width, height)
-    share = np.array([2 * corner[0] / width - 1, 1 - 2 * corner[1] / height])
-    assert 0.75 < share.max() <= 1
+@pytest.mark.parametrize(("azimuth", "elevation"), [(0.0, 0.0), (0.8, 0.3), (2.5, -0.1)])
+def test_what_is_fitted_just_is_in_the_picture(azimuth: float, elevation: float) -> None:
+    points = np.random.default_rng(1).normal(size=(40, 3)) * [1.0, 0.5, 2.0]
+    distance = camera.fitting(points, azimuth=azimuth, elevation=elevation, aspect=1.5)
+    eye = camera.orbit([3, 1, 2], azimuth=azimuth, elevation=elevation, distance=distance)
+    places, _ = camera.project(eye, points + np.array([3, 1, 2]), 600, 400)
+    reach = np.abs(places / [300, 200] - 1)
+    assert reach.max() == pytest.approx(1.0, abs=1e-9)

@@ -118,9 +118,12 @@ def test_several_begin_side_by_side_facing_ahead(walker_clips: list[Clip]) -> No
 
 def test_a_stage_tells_how_far_its_shows_go(walker_clips: list[Clip]) -> None:
     stage = Stage([shows.of_clip(walker_clips[0])])
-    low, high, wide = stage.extent([0.0, 1.0, 2.0])
-    assert high[2] - low[2] == pytest.approx(2.4, abs=0.15)  # at 1.2 m/s
-    assert wide == 0
+    middles, corners = stage.boxes([0.0, 1.0, 2.0])
+    assert middles[2, 2] - middles[0, 2] == pytest.approx(2.4, abs=0.15)  # at 1.2 m/s
+    np.testing.assert_array_equal(middles[:, 1], 0)
+    for time, box in zip((0.0, 1.0, 2.0), corners, strict=True):
+        joints = stage.pose(0, time)[0][0]
+        assert (joints > box.min(axis=0)).all() and (joints < box.max(axis=0)).all()
     assert stage.seconds == pytest.approx(walker_clips[0].seconds, abs=0.02)
     with pytest.raises(ValueError, match="no shows"):
         Stage([])

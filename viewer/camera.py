@@ -43,7 +43,7 @@ def orbit(
     return Camera(target + distance * direction, target, field)
 
 
-def follow(camera: Camera, goal: ArrayLike, dt: float, *, halflife: float = 0.15) -> Camera:
+def follow(camera: Camera, goal: ArrayLike, dt: float, *, halflife: float = 0.06) -> Camera:
     """The camera dt seconds later, moving along with what is at goal [3]; its direction stays.
 
     Half of the way is made every halflife, at any refresh rate.
@@ -87,7 +87,15 @@ def project(camera: Camera, points: ArrayLike, width: int, height: int) -> tuple
     return found[..., :2] / np.where(far == 0, np.nan, far), far[..., 0]
 
 
-def fitting(size: tuple[float, float], aspect: float, *, field: float = FIELD, margin: float = 1.15) -> float:
-    """Distance (metres) from which what is so wide and high fits into a picture of this width by height."""
-    wide, high = size
-    return margin * max(high, wide / aspect) / 2 / np.tan(field / 2) + wide / 4
+def fitting(
+    points: ArrayLike, *, azimuth: float, elevation: float, aspect: float, field: float = FIELD
+) -> float:
+    """The least distance (metres) from which all points [P, 3] around the target are in the picture.
+
+    aspect is the picture's width by its height; azimuth and elevation are those of `orbit`. A point r is
+    seen where |r . right| <= (D + r . ahead) tan(field / 2) aspect, D the distance, and so for down.
+    """
+    turn = axes(orbit(np.zeros(3), azimuth=azimuth, elevation=elevation, distance=1.0))
+    right, down, ahead = np.moveaxis(np.asarray(points, np.float64) @ turn.T, -1, 0)
+    slope = np.tan(field / 2)
+    return float(np.max(np.maximum(np.abs(right) / aspect, np.abs(down)) / slope - ahead))

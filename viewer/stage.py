@@ -21,7 +21,8 @@ from .shows import Show
 Array = NDArray[np.floating]
 
 _LANE = 0.8  # from one to the next, in parts of how tall they are
-_SPAN = 0.8  # how wide the arms and legs of one reach, likewise
+_AROUND, _ABOVE = 0.08, 0.2  # room around the joints, and above them for names, likewise
+_BOX = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
 
 
 class Stage:
@@ -40,8 +41,9 @@ class Stage:
         self.shows, self.scene = list(shows), Scene(theme=theme)
         self.tall = max(_height(show) for show in shows)
         self._turns, self._moves = self._places()
-        self.roots = np.zeros((0, 3))
-        self.yaws = np.zeros(0)
+        self._leans = [_lean(show) for show in self.shows]
+        self.roots, self.yaws = np.zeros((0, 3)), np.zeros(0)
+        self.middle, self._corners = np.zeros(3), np.zeros((0, 3))
         for i, show in enumerate(self.shows):
             self._dress(i, show)
         self._names = Labels(
@@ -60,47 +62,46 @@ class Stage:
 
     def move_to(self, time: float) -> None:
         """Show the poses at a time, seconds."""
-        roots, yaws, tops = [], [], []
+        roots, yaws, tops, corners, middles = [], [], [], [], []
         for i, show in enumerate(self.shows):
             positions, rotations = self.pose(i, time)
             for name, values in _looks(i, show, positions, rotations).items():
                 self.scene.layers[name].update(**values)
             stands, faces = _stance(show, positions, rotations)
+            corners.append(self._around(positions))
+            middles.append(stands + quat.rotate(quat.from_yaw(faces), self._leans[i]))
             roots.append(stands)
             yaws.append(faces)
             tops.append(stands[0] + np.array([0.0, positions[0, :, 1].max() + 0.14 * self.tall, 0.0]))
         self.roots, self.yaws = np.concatenate(roots), np.concatenate(yaws)
+        self._corners, bodies = np.concatenate(corners), np.concatenate(middles)
+        self.middle = (bodies.min(axis=0) + bodies.max(axis=0)) / 2
         self._names.update(positions=np.array(tops))
 
     def pose(self, i: int, time: float) -> tuple[Array, Array]:
         """Positions [N, J, 3] and rotations [N, J, 4] of show i in the scene."""
         positions, rotations = self.shows[i].pose(time)
         turn, move = self._turns[i], self._moves[i]
-        return quat.rotate(turn, positions) + move, quat.mul(
-            np.broadcast_to(turn, rotations.shape), rotations
-        )
+        turns = np.broadcast_to(turn, rotations.shape)
+        return quat.rotate(turn, positions) + move, quat.mul(turns, rotations)
 
-    def extent(self, times: Sequence[float]) -> tuple[Array, Array, float]:
-        """Where all are at some times: lowest and highest ground positions [3], and how wide all of them are
-        apart at one time at most, metres; the stage is left at the last of these times."""
-        low, high, wide = np.full(3, np.inf), np.full(3, -np.inf), 0.0
+    def boxes(self, times: Sequence[float]) -> tuple[Array, Array]:
+        """What there is to see at T times: middles [T, 3] on the ground, corners [T, C, 3] around everyone.
+
+        The stage is left at the last of these times.
+        """
+        middles, corners = [], []
         for time in times:
             self.move_to(time)
-            here = self.roots.min(axis=0), self.roots.max(axis=0)
-            wide = max(wide, float(np.linalg.norm(here[1] - here[0])))
-            low, high = np.minimum(low, here[0]), np.maximum(high, here[1])
-        return low, high, wide
+            middles.append(self.middle)
+            corners.append(self._corners)
+        return np.array(middles), np.array(corners)
 
-    @property
-    def middle(self) -> Array:
-        """The ground position [3] in the middle of all."""
-        found: Array = (self.roots.min(axis=0) + self.roots.max(axis=0)) / 2
-        return found
-
-    @property
-    def span(self) -> float:
-        """How wide one of them is at most, metres."""
-        return _SPAN * self.tall
+    def _around(self, positions: Array) -> Array:
+        """Corners [8, 3] of a box around characters' joints [N, J, 3] and their names."""
+        low, high = positions.min(axis=(0, 1)), positions.max(axis=(0, 1))
+        low, high = low - _AROUND * self.tall, high + np.array([_AROUND, _ABOVE, _AROUND]) * self.tall
+        return np.asarray(low + _BOX * (high - low))
 
     def _dress(self, i: int, show: Show) -> None:
         """Make the layers of a show."""
@@ -140,9 +141,26 @@ def _stance(show: Show, positions: Array, rotations: Array) -> tuple[Array, Arra
     return stands, quat.yaw(rotations[:, 0]) if known else np.zeros(len(stands))
 
 
+def _some(show: Show) -> list[tuple[Array, Array]]:
+    """Poses at a few times."""
+    times = [0.0] if show.seconds is None else np.linspace(0, show.seconds, 5).tolist()
+    return [show.pose(time) for time in times]
+
+
+def _lean(show: Show) -> Array:
+    """Where the first character's joints are around its root, on the ground and as it faces [3]: their mean.
+
+    The root moves smoothly, joints do not: a camera that looks there does not sway.
+    """
+    found = []
+    for positions, rotations in _some(show):
+        stands, faces = _stance(show, positions[:1], rotations[:1])
+        found.append(quat.rotate(quat.from_yaw(-faces), positions[:1].mean(axis=1) - stands)[0])
+    return np.asarray(np.mean(found, axis=0) * np.array([1.0, 0.0, 1.0]))
+
+
 def _height(show: Show) -> float:
-    """How tall characters are, a usual one in the middle of what is known of them, metres."""
-    times = [0.0] if show.seconds is None else np.linspace(0, show.seconds, 5)
-    poses = [show.pose(time)[0] for time in times]
+    """How tall the first character is usually, metres; who lies counts as a third as tall as long."""
+    poses = [positions for positions, _ in _some(show)]
     sizes = [max(np.ptp(p[0, :, 1]), 0.35 * np.ptp(p[0], axis=0).max()) for p in poses]
     return max(float(np.median(sizes)), 0.1)

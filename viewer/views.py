@@ -20,7 +20,7 @@ SIDES = {"front": 0.0, "side": 90.0, "quarter": 35.0, "back": 180.0}  # degrees 
 KINDS = ("follow", "orbit", "fixed")
 _SAMPLES = 40  # instants at which a film's extent is looked at
 _WAIST = 0.52  # of how tall they are: what the camera looks at
-_HEADROOM = 1.15  # they and their names, in parts of how tall they are
+_MARGIN = 1.06
 
 
 @dataclass(frozen=True)
@@ -90,20 +90,23 @@ def joined(pictures: Iterable[Image]) -> Image:
 
 
 def first_camera(stage: Stage, times: Sequence[float], size: tuple[int, int], view: View) -> Camera:
-    """The camera at the first of the times, which leaves room for what comes; the stage is left there."""
+    """The camera at the first of the times, from where all that comes is seen; the stage is left there."""
     some = np.unique(np.linspace(times[0], times[-1], min(len(times), _SAMPLES)))
-    low, high, wide = stage.extent(list(some))
+    middles, corners = stage.boxes(some.tolist())
     stage.move_to(times[0])
-    goal = _goal(stage)
     if view.kind == "fixed":
-        goal[[0, 2]] = (low + high)[[0, 2]] / 2
-        wide = float(np.linalg.norm(high - low))
+        middles = np.broadcast_to((middles.min(axis=0) + middles.max(axis=0)) / 2, middles.shape)
+    waist = np.array([0.0, _WAIST * stage.tall, 0.0])
+    azimuth = float(stage.yaws[0]) + view.azimuth
+    way = {"azimuth": azimuth, "elevation": view.elevation}
     distance = view.distance
     if distance is None:
-        room = (wide + stage.span, _HEADROOM * stage.tall)
-        distance = camera.fitting(room, size[0] / size[1])
-    azimuth = float(stage.yaws[0]) + view.azimuth
-    return camera.orbit(goal, azimuth=azimuth, elevation=view.elevation, distance=distance)
+        seen = corners - middles[:, None] - waist
+        if view.kind == "orbit":  # from all sides
+            far = np.linalg.norm(seen[..., [0, 2]], axis=-1)
+            seen = np.stack([far * np.cos(azimuth), seen[..., 1], -far * np.sin(azimuth)], axis=-1)
+        distance = _MARGIN * camera.fitting(seen.reshape(-1, 3), aspect=size[0] / size[1], **way)
+    return camera.orbit(middles[0] + waist, distance=distance, **way)
 
 
 def _goal(stage: Stage) -> NDArray[np.float64]:
