@@ -139,7 +139,7 @@ def html(found: Analysis, *, command: str) -> str:
             **{name: getattr(features, name) for name in ("FAR", "SAME", "STILL", "FAINT")},
             **{name: getattr(glitches, name) for name in ("RARE", "SLIPS", "SEEN_CM", "LEAPS")},
             **{name: getattr(duplicates, name) for name in ("AWAY", "ALIKE_CM", "SHORTEST", "ALONE")},
-            **{"TURNING": reach.TURNING, "ENOUGH": reach.ENOUGH, "AFTER": costs.AFTER},
+            **{"TURNING": reach.TURNING, "FEW": coverage.FEW, "ENOUGH": reach.ENOUGH, "AFTER": costs.AFTER},
         },
     )
 

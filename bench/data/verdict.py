@@ -14,7 +14,7 @@ HELD = 0.95  # of the variance
 LITTLE = 0.05  # share of spare frames that is not worth the trouble
 NAMED = 3  # places that are named, at most
 DEAR = 0.01  # by which searches may cost more without what is spare
-MOST_ASKED = 0.9  # share of what is asked that a database should have
+MOST_ASKED = 0.9  # share of what is asked that a database should have enough of
 
 
 def sentences(found: Analysis) -> list[str]:
@@ -94,13 +94,13 @@ def missing(found: Analysis) -> str:
         f"Travel that there is enough of, m/s: {ways}. Turns by more than {reach.TURNING:g} °/s: {turns}."
     ]
     if found.coverage is not None:
-        rows = found.coverage.by_course()
-        least = min(rows, key=lambda row: row["covered"])
-        share = f"Of what the courses ask {found.coverage.share:.1%} has data near"
-        if least["covered"] < found.coverage.share:
-            share += f", of {least['course']}, the least, {least['covered']:.0%}"
-        enough = "" if least["covered"] >= MOST_ASKED else ": there a character will lag, or glide"
-        told.append(f"{share}{enough}.")
+        *rows, of_all = found.coverage.by_course()
+        least = min(rows, key=lambda row: row["with a choice"])
+        lacks = "" if least["with a choice"] >= MOST_ASKED else ": there a character will lag, or glide"
+        told.append(
+            f"Of what the courses ask {of_all['covered']:.1%} has data near, {of_all['with a choice']:.1%} "
+            f"enough to choose from, the least {least['course']}, {least['with a choice']:.0%}{lacks}."
+        )
         holes = found.coverage.holes(1)
         if holes:
             hole = holes[0]
