@@ -125,8 +125,10 @@ def measure(
     )
     table = table[[c for c in table if c not in parts] + parts]
     for name, column in (("front", "pose_cm"), ("front_held", "pose_held_cm")):
-        if column in table:
-            error = table[column].where(table["error"] == "decoded")
+        error = (
+            table[column].where(table["error"] == "decoded") if column in table else pd.Series(dtype=float)
+        )
+        if error.notna().any():
             table[name] = front(np.column_stack([table["memory_mb"], error]))
     if peaks and not resident.known_here():
         notes.append("resident memory is not known: this machine has no /proc/self/clear_refs")
@@ -190,6 +192,7 @@ class _Steps:
     def __init__(self, database: Database, models: Mapping[str, AnyModel]) -> None:
         self._database, self._models = database, models
         self._truths: dict[str, Any] = {}
+        self._latents: dict[str, Any] = {}
         self._drifts: dict[tuple[str, str | None], float] = {}
 
     def allocated(self, entry: Entry, counts: Sequence[int]) -> dict[str, float]:
@@ -210,16 +213,16 @@ class _Steps:
         if entry.source not in self._truths:
             self._truths[entry.source] = truth_of(model, self._database)
         truth = self._truths[entry.source]
-        truth.model = with_weights(model, entry.weights)[0]
+        truth.model, products = with_weights(model, entry.weights)
         mode: Any = entry.way if entry.way in SETS else "cubic"
         return {
             f"{PARTS[part]}_{end}": errors[what][which]
-            for part, errors in frames.poses(truth, frames.step(truth, mode)).items()
+            for part, errors in frames.poses(truth, frames.step(truth, mode, products)).items()
             for end, (what, which) in COLUMNS.items()
         }
 
     def drift(self, entry: Entry, held: set[str]) -> dict[str, float]:
-        """drift_cm, where the Stepper is learned and the latents of true frames are known."""
+        """drift_cm, where the Stepper is learned, its products are float32, and true latents are known."""
         from lmm.evaluation import stepper
         from lmm.model import Model
         from lmm.models import with_weights
@@ -227,13 +230,18 @@ class _Steps:
         model, key = self._models.get(entry.source), (entry.source, entry.weights)
         if not isinstance(model, Model) or "S" not in entry.way or not model.knows_latents:
             return {}
+        as_held, products = with_weights(model, entry.weights)
+        if products != "float32":
+            return {}
+        if entry.source not in self._latents:
+            self._latents[entry.source] = model.latents(self._database)
         if key not in self._drifts:
-            database, (as_held, _) = self._database, with_weights(model, entry.weights)
+            database, latents = self._database, self._latents[entry.source]
             trained = ~np.isin(database.names, list(held))
             found = stepper.drift(
                 as_held,
                 database,
-                model.latents(database),
+                latents,
                 steps=DRIFT_STEPS,
                 starts=DRIFT_STARTS,
                 ranges=trained,

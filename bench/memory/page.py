@@ -101,7 +101,7 @@ def brief(memory: Memory) -> list[dict[str, Any]]:
 def facts(memory: Memory) -> list[str]:
     """Sentences that follow from the numbers."""
     rows, out = memory.systems, []
-    for _, column, _ in (panel for panel in plots.PANELS if panel[1] in rows):
+    for _, column, _ in (panel for panel in plots.PANELS if panel[2] in rows):
         words = smallest(rows, column)
         where = " on clips that were held out" if column != "pose_cm" else ""
         out += [f"The smallest by the error of its poses{where}: {'; '.join(words)}."] * bool(words)

@@ -23,7 +23,7 @@ def against_error(systems: pd.DataFrame) -> Any:
     A line joins the Pareto front. Poses that are as they are in the data stand at the bottom. Hollow marks
     are errors after one step of a network of locomotion, in which no front is looked for.
     """
-    panels = [panel for panel in PANELS if panel[1] in systems]
+    panels = [panel for panel in PANELS if panel[2] in systems]
     picture, axes = figure(5.6 * len(panels), 5.2, len(panels))
     kinds = list(dict.fromkeys(systems["kind"]))
     errors = np.concatenate([systems[column] for _, column, _ in panels]).astype(float)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from features.labels import Labels
+from lmm.evaluator import Products
 from lmm.locomotion.labelling import kept
 from lmm.locomotion.model import LocomotionModel
 from lmm.mann import frames as of_mann
@@ -75,16 +76,16 @@ class Truth:
 class Rows:
     """A model's network at run time, for any number of rows; what it gives is the caller's.
 
-    mode is of phase-functioned networks alone, see `lmm.pfnn.spline`.
+    mode is of phase-functioned networks alone, see `lmm.pfnn.spline`; products : see the evaluators.
     """
 
-    def __init__(self, model: LocomotionModel, mode: Mode = "cubic") -> None:
+    def __init__(self, model: LocomotionModel, mode: Mode = "cubic", products: Products = "float32") -> None:
         network: Any = model.network
         self._network: Any
         if isinstance(model, PhaseModel):
-            self._network = PhaseEvaluator(network, mode=mode, count=CHUNK)
+            self._network = PhaseEvaluator(network, mode=mode, products=products, count=CHUNK)
         else:
-            self._network = MannEvaluator(network, count=CHUNK)
+            self._network = MannEvaluator(network, products=products, count=CHUNK)
 
     def evaluate(self, x: Array, /, *phases: NDArray[np.floating]) -> Array:
         """Outputs [N, O] of inputs [N, I], at phases [N] where it has one."""
@@ -120,9 +121,9 @@ class Step:
     contacts: NDArray[np.bool_]
 
 
-def step(truth: Truth, mode: Mode = "cubic") -> Step:
-    """One step from every frame of the database; mode: see `Rows`."""
-    frames, layout, network = truth.frames, truth.model.layout, Rows(truth.model, mode)
+def step(truth: Truth, mode: Mode = "cubic", products: Products = "float32") -> Step:
+    """One step from every frame of the database; mode, products: see `Rows`."""
+    frames, layout, network = truth.frames, truth.model.layout, Rows(truth.model, mode, products)
     count, joints = len(frames.x), layout.joints
     position, rotation, velocity, relative = (np.empty((count, joints), np.float32) for _ in range(4))
     root, turn, turned = (np.empty(count, np.float32) for _ in range(3))
