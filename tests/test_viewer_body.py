@@ -147,3 +147,17 @@ def test_bare_bones_do_for_any_tree() -> None:
     assert np.ptp(shape.parts[0].vertices, axis=0).argmax() == 1
     alone = body.bones(Skeleton(("a",), np.array([-1], np.int32), np.zeros((1, 3))))
     assert len(alone.parts) == 1
+
+
+def test_legs_alone_have_a_body(walker: Clip) -> None:
+    """And so have arms without hands."""
+    some = {
+        role: j
+        for role, j in walker.skeleton.roles.items()
+        if role == "hips" or "leg" in role or "foot" in role
+    }
+    for roles in (some, {r: j for r, j in walker.skeleton.roles.items() if not r.endswith(("hand", "toe"))}):
+        skeleton = walker.skeleton.with_roles(roles)
+        shape = body.body(anatomy.anatomy(skeleton, [walker.replace(skeleton=skeleton)]))
+        assert np.isfinite(np.concatenate([part.vertices for part in shape.parts])).all()
+        assert {skeleton.roles["hips"], skeleton.roles["left_leg"]} <= set(shape.joints.tolist())

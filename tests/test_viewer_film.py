@@ -129,6 +129,16 @@ def test_a_strip_has_its_poses_side_by_side(straight: Stage) -> None:
         assert abs((middle(part, "left") + middle(part, "right")) / 2 - 41.5) < 9
 
 
+def test_poses_that_are_no_numbers_are_not_seen_and_break_nothing(walker_clips: list[Clip]) -> None:
+    show = shows.of_clip(walker_clips[0])
+    show.positions = show.positions.copy()
+    show.positions[31:] = np.nan
+    stage = Stage([show])
+    before, after = views.film(stage, [0.5, 0.6], SIZE, View(azimuth=0.0))
+    assert before.shape == after.shape
+    assert before[:40].std() > after[:40].std()
+
+
 def test_all_of_several_are_seen(walker_clips: list[Clip]) -> None:
     stage = Stage([shows.of_clip(clip) for clip in walker_clips[:3]])
     view = View(azimuth=0.0, elevation=0.1)

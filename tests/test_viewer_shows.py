@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import viewer_scenes as scenes
 
 from mm.recording import Recording
 from motion import kinematics, quat, root
@@ -127,4 +126,3 @@ def test_a_stage_tells_how_far_its_shows_go(walker_clips: list[Clip]) -> None:
     assert stage.seconds == pytest.approx(walker_clips[0].seconds, abs=0.02)
     with pytest.raises(ValueError, match="no shows"):
         Stage([])
-    assert scenes.ahead().distance == 5

@@ -201,13 +201,16 @@ class _Builder:
         shoulders = np.mean(self.place[arms], axis=0) if arms else self.place[top]
         thighs = np.mean([self.place[self.roles[f"{side}_up_leg"]] for side in SIDES], axis=0)
         way = shoulders - thighs
+        if np.linalg.norm(way) < 0.2 * self.shape.legs * self.scale:  # no upper body is known
+            upright = quat.rotate(self.turn[hips], self.axis(hips, 0))
+            way = 0.5 * self.scale * upright
         # Joints of the column from the hips to the chest, and the share of the way at which each begins.
         between = set(skeleton.chain(chest)) - set(skeleton.chain(hips))
         spine = [hips, *(j for j in chain if j in between and self.anatomy.known[j])]
         shares = [float((self.place[j] - thighs) @ way / (way @ way)) for j in spine]
         ends = self.shape.torso[0][0], self.shape.torso[-1][0]
         stops = [*shares[1:], ends[1]]
-        slim = 1 - _PLATE * np.arange(len(spine))[::-1]  # each a little wider than the one below it
+        slim = 1 - _PLATE * np.arange(len(spine))[::-1]
         for joint, start, stop, wide in zip(spine, shares, stops, slim, strict=True):
             if joint == hips:
                 self.trunk(joint, way, thighs, (ends[0], max(stop, _PELVIS)), wide)
@@ -240,8 +243,8 @@ class _Builder:
 
     def neck(self) -> None:
         chain = self.skeleton.chain(self.roles["head"])
-        chain = chain[chain.index(self.roles["neck"]) :]
-        for joint, after in itertools.pairwise(chain):
+        start = chain.index(self.roles["neck"]) if self.roles["neck"] in chain else len(chain)
+        for joint, after in itertools.pairwise(chain[start:]):
             shade = self.torso_colour if self.anatomy.on_all_fours else SKIN
             self.tube(joint, self.bone(joint, after), "neck", shade)
 
@@ -420,7 +423,7 @@ class _Builder:
 
 _LEG = (("up_leg", "leg"), ("leg", "foot"))
 _PELVIS, _THIN = 0.2, 0.06  # shares of the way from thighs to shoulders: the pelvis' top, the least piece
-_PLATE = 0.015
+_PLATE = 0.015  # share by which a piece is wider than the one below
 _SHOULDERS = {False: 0.36, True: 0.11}  # metres between the arms of a usual person, and of a usual dog
 
 

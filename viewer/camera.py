@@ -98,4 +98,4 @@ def fitting(
     turn = axes(orbit(np.zeros(3), azimuth=azimuth, elevation=elevation, distance=1.0))
     right, down, ahead = np.moveaxis(np.asarray(points, np.float64) @ turn.T, -1, 0)
     slope = np.tan(field / 2)
-    return float(np.max(np.maximum(np.abs(right) / aspect, np.abs(down)) / slope - ahead))
+    return float(np.nanmax(np.maximum(np.abs(right) / aspect, np.abs(down)) / slope - ahead))

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motion import quat
+from motion.errors import UserError
 
 from . import skin
 from .scene import LIGHT, Labels, Scene, Solids, Surface, Theme
@@ -75,7 +76,9 @@ class Stage:
             tops.append(stands[0] + np.array([0.0, positions[0, :, 1].max() + 0.14 * self.tall, 0.0]))
         self.roots, self.yaws = np.concatenate(roots), np.concatenate(yaws)
         self._corners, bodies = np.concatenate(corners), np.concatenate(middles)
-        self.middle = (bodies.min(axis=0) + bodies.max(axis=0)) / 2
+        bodies = bodies[np.isfinite(bodies).all(axis=1)]
+        if len(bodies):  # a network that broke may give no numbers: the camera stays where it was
+            self.middle = (bodies.min(axis=0) + bodies.max(axis=0)) / 2
         self._names.update(positions=np.array(tops))
 
     def pose(self, i: int, time: float) -> tuple[Array, Array]:
@@ -142,9 +145,12 @@ def _stance(show: Show, positions: Array, rotations: Array) -> tuple[Array, Arra
 
 
 def _some(show: Show) -> list[tuple[Array, Array]]:
-    """Poses at a few times."""
+    """Poses at a few times; a UserError where all of them are no numbers."""
     times = [0.0] if show.seconds is None else np.linspace(0, show.seconds, 5).tolist()
-    return [show.pose(time) for time in times]
+    found = [pose for pose in map(show.pose, times) if np.isfinite(pose[0]).all()]
+    if not found:
+        raise UserError(f"the poses of {show.name} are no numbers", remedy="show another one")
+    return found
 
 
 def _lean(show: Show) -> Array:

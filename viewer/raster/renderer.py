@@ -22,7 +22,7 @@ from . import kernels, kernels_numpy, text
 STANDARD = 720  # the height of pictures for which widths and sizes are given
 _SUN, _SKY, _BOUNCE = 0.78, (0.36, 0.38, 0.41), (0.17, 0.16, 0.15)
 _LINE = 0.016  # metres, the width of the ground's lines
-_BIAS, _LYING = 0.004, 1e-3
+_BIAS = 0.004  # share by which strokes count as nearer than they are: they lie on what they are about
 _TEXEL, _MOST, _SOFT = 0.012, 600_000, 0.02  # metres a cell of shadows, cells, metres of their soft edge
 
 
@@ -147,9 +147,10 @@ class Renderer:
         """Where the ground is shaded, 0 to 1 [rows of z, columns of x]; its corner; metres a cell."""
         x, y, z = scene.sun.direction
         slant = np.array([-x / y, -z / y])
-        if not len(casters.triangles):
-            return np.zeros((1, 1), np.float32), np.zeros(2), 1.0
         reached = casters.vertices[:, [0, 2]] + np.maximum(casters.vertices[:, 1:2], 0) * slant
+        reached = reached[np.isfinite(reached).all(axis=1)]
+        if not len(reached):
+            return np.zeros((1, 1), np.float32), np.zeros(2), 1.0
         low, high = reached.min(axis=0), reached.max(axis=0)
         texel = max(_TEXEL, float(np.sqrt(np.prod(high - low + 8 * _SOFT) / _MOST)))
         reach = max(1, round(_SOFT / texel))
