@@ -1,4 +1,7 @@
-"""What a character is asked over a stretch of time: waypoints, a stick's script, a velocity's script."""
+"""What a character is asked over a stretch of time: waypoints, a stick's script, a velocity's script.
+
+What a user once did is a script, too (`mm.recorded`).
+"""
 
 from __future__ import annotations
 
@@ -378,15 +381,20 @@ def names() -> list[str]:
 
 
 def load(name_or_path: str | os.PathLike[str]) -> Course:
-    """A ready-made course by name, or one from a TOML file.
+    """A ready-made course by name, one from a TOML file, or one that a user took before (`mm.recorded`).
 
     An unknown name is a UserError that lists the names; so is a fault in the file, with file and line.
     """
+    from . import recorded
+
     text = os.fspath(name_or_path)
     if text in names():
         with resources.as_file(_folder() / f"{text}.toml") as path:
             return _named(config.load(Course, path), text)
-    if not text.endswith(".toml") and files.kind(text) is None:
+    suffix = Path(text).suffix.lower()
+    if suffix in recorded.FORMATS:
+        return _named(recorded.read(text), Path(text).stem)
+    if suffix != ".toml" and files.kind(text) is None:
         raise UserError(f"no course {text!r}", remedy=f"give a TOML file or choose from {', '.join(names())}")
     return _named(config.load(Course, text), Path(text).stem)
 

@@ -85,7 +85,12 @@ def courses(
     size: float | None,
     as_json: bool,
 ) -> None:
-    """List the ready-made courses, or describe and draw one."""
+    """List the ready-made courses, or describe and draw one.
+
+    A file may be TOML; or what a user once did: a recording of `run --record`, whose commands it takes, a CSV
+    file with a key a row (time, move_x, move_z; or time, velocity_x, velocity_z), or a log of a simulated
+    character in the public reference's format (.bin). Written with -o, such a course is TOML.
+    """
     from dataclasses import replace
 
     from motion import templates

@@ -33,7 +33,7 @@ _OPTIONS = (
         "course_name",
         required=True,
         metavar="NAME|FILE",
-        help="See `python -m mm courses`, or a TOML file.",
+        help="See `python -m mm courses`; or a file: TOML, or what a user once did (.rec, .csv, .bin).",
     ),
     click.option("-o", "--output", type=click.Path(), metavar="OUT", help="Motion to write, .bvh or .npz."),
     click.option(
