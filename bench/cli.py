@@ -16,6 +16,7 @@ from motion.errors import UserError
 from .data.cli import data
 from .memory.cli import memory
 from .options import CODECS, MODELS, Listed, check_models, check_outputs, load, note, open_database
+from .recall import search
 
 
 @console.group("bench", "Numbers to trust: memory, cost per frame, motion quality, search, crowds, reading.")
@@ -125,30 +126,6 @@ def compare(
     if folder is not None:
         for path in report.save(result, folder, command=command):
             print(f"wrote {path}", file=sys.stderr)
-
-
-@main.command(epilog="Example: python -m bench search walk.mmdb --indexes exact,aabb --json")
-@click.argument("db", type=click.Path())
-@click.option("--queries", type=click.IntRange(1), default=1000, show_default=True, help="How many at least.")
-@click.option("--indexes", type=Listed(), metavar="A,B", help="Which indexes.  [default: all]")
-@click.option("--k", type=click.IntRange(1, 1000), default=1, show_default=True, help="Answers per query.")
-@click.option("--repeats", type=click.IntRange(1), default=3, show_default=True, help="Timed passes.")
-@console.json_option
-def search(
-    db: str, queries: int, indexes: tuple[str, ...] | None, k: int, repeats: int, as_json: bool
-) -> None:
-    """Recall, cost and time of the search indexes.
-
-    The queries are those that a controller makes on this database while a random user drives it, with the
-    bound and the exclusions that it gives them.
-    """
-    from . import queries as recorded
-
-    rows = recorded.table(load(db), count=queries, indexes=indexes, k=k, repeats=repeats)
-    if as_json:
-        console.print_json(rows)
-    else:
-        console.print_table(rows, title=f"{db}: {queries} queries of a driven controller")
 
 
 @main.command(epilog="Example: python -m bench crowd walk.mmdb --counts 1,256,1024")
@@ -485,6 +462,7 @@ def thesis(
 
 main.add_command(data)
 main.add_command(memory)
+main.add_command(search)
 
 
 def _check_folder(folder: Path, sources: tuple[str, ...], chosen: dict[str, Any]) -> None:

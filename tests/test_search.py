@@ -214,6 +214,44 @@ def test_approximate_index_finds_most(name):
     assert (costs <= truth[1] * (1 + 1e-5)).mean() >= APPROXIMATE[name]
 
 
+@pytest.mark.parametrize(
+    ("name", "built", "option", "values"),
+    [
+        ("faiss-ivf", {}, "probes", (1, 40)),
+        ("faiss-hnsw", {"links": 2}, "effort", (1, 300)),
+        ("faiss-pq", {}, "rerank", (1, 400)),
+    ],
+)
+def test_options_of_searching_need_no_other_index(name, built, option, values):
+    """They find what an index that was built with them finds, and leave the one they came from alone."""
+    rng = np.random.default_rng(5)
+    features = smooth(rng, 4000, 12)
+    queries = features[rng.integers(0, 4000, 200)] + 0.3 * random(rng, 200, 12)
+    parts = features, [0], [4000]
+    own = search.build(name, *parts, **built)
+    before = own.search(queries)[1]
+    costs = [own.searching(**{option: value}).search(queries)[1] for value in values]
+    for value, found in zip(values, costs, strict=True):
+        other = search.build(name, *parts, **built, **{option: value})
+        np.testing.assert_array_equal(found, other.search(queries)[1])
+    assert costs[0].mean() > costs[1].mean()
+    np.testing.assert_array_equal(own.search(queries)[1], before)
+    with pytest.raises(ValueError, match="cells"):
+        own.searching(cells=3)
+
+
+@pytest.mark.parametrize("name", ["faiss-flat", "faiss-ivf", "faiss-hnsw"])
+def test_many_choices_of_tags_are_all_kept_to(name):
+    rng = np.random.default_rng(6)
+    features, tags = random(rng, 500, 6), rng.integers(0, 32, 500).astype(np.uint32)
+    index = search.build(name, features, [0], [500], ignore_end=0, tags=tags)
+    required = np.tile(np.arange(32, dtype=np.uint32), 2)
+    asked = Exclusions(required_tags=required, forbidden_tags=np.zeros(64, np.uint32))
+    frames = index.search(features[:64], exclude=asked)[0][:, 0]
+    assert all((tags[f] & r) == r for f, r in zip(frames, required, strict=True) if f >= 0)
+    assert (frames >= 0).mean() > 0.9
+
+
 def test_exact_index_of_several_levels_and_threads():
     rng = np.random.default_rng(8)
     features = smooth(rng, 20000, 12)

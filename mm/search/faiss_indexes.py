@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+import copy
+from typing import Any, Self
 
 import faiss as library
 import numpy as np
@@ -13,6 +14,7 @@ from .protocol import Exclusions, check, matrix, searchable, tag_bits
 
 faiss: Any = library  # its type stubs do not know the Python side's arguments
 _ROWS_PER_CENTROID = 39  # faiss warns when its k-means gets fewer
+_KEPT = 16  # selections of rows by tags, of a bit a row
 
 
 class _Faiss:
@@ -26,6 +28,7 @@ class _Faiss:
 
     name = ""
     OPTIONS: tuple[str, ...] = ("rerank",)
+    SEARCHING: tuple[str, ...] = ("rerank",)  # options that nothing is built by
     SELECTS = True  # whether faiss's index takes a selector of rows
 
     def __init__(
@@ -52,12 +55,21 @@ class _Faiss:
             self.faiss.train(rows)
         self.faiss.add(rows)
         self.nbytes = faiss.serialize_index(self.faiss).nbytes + self.frames.nbytes
+        self._by_tags: dict[tuple[int, int], Any] = {}
+
+    def searching(self, **options: Any) -> Self:
+        """The same index with other options of those in `SEARCHING`; what was built is shared."""
+        if unknown := set(options) - set(self.SEARCHING):
+            raise ValueError(f"{sorted(unknown)} of {self.SEARCHING}")
+        other = copy.copy(self)
+        vars(other).update(options, _by_tags={})
+        return other
 
     def _make(self, rows: NDArray[np.float32], **options: Any) -> Any:
         raise NotImplementedError
 
-    def _parameters(self, selector: Any) -> Any:
-        return faiss.SearchParameters(sel=selector)
+    def _parameters(self, **selector: Any) -> Any:
+        return faiss.SearchParameters(**selector)
 
     def _pad(self, rows: NDArray[np.float32]) -> NDArray[np.float32]:
         return np.pad(rows, ((0, 0), (0, self.width - rows.shape[1])))
@@ -76,13 +88,8 @@ class _Faiss:
         frames, costs = ask.empty()
         for n in range(len(ask)):
             limits = (ask.current[n], ask.radius, ask.required[n], ask.forbidden[n])
-            parameters = None
             tagged = bool(ask.required[n] or ask.forbidden[n])
-            if tagged and self.SELECTS:
-                bits = self.tags[self.frames]
-                allowed = ((bits & ask.required[n]) == ask.required[n]) & ((bits & ask.forbidden[n]) == 0)
-                bitmap = np.packbits(allowed, bitorder="little")
-                parameters = self._parameters(faiss.IDSelectorBitmap(bitmap))
+            parameters = self._of_tags(int(ask.required[n]), int(ask.forbidden[n]))
 
             def nearest(count: int, n: int = n, parameters: Any = parameters) -> NDArray[np.integer]:
                 if count == 0:
@@ -100,6 +107,22 @@ class _Faiss:
                     frames[n], costs[n],
                 )  # fmt: skip
         return frames, costs
+
+    def _of_tags(self, required: int, forbidden: int) -> Any:
+        """faiss's own parameters of a search for tags; kept, since most searches ask for what others did."""
+        if not self.SELECTS:
+            return None
+        key = required, forbidden
+        if key not in self._by_tags:
+            if len(self._by_tags) == _KEPT:
+                self._by_tags.clear()
+            selector = {}
+            if required or forbidden:
+                bits = self.tags[self.frames]
+                allowed = ((bits & required) == required) & ((bits & forbidden) == 0)
+                selector = {"sel": faiss.IDSelectorBitmap(np.packbits(allowed, bitorder="little"))}
+            self._by_tags[key] = self._parameters(**selector)
+        return self._by_tags[key]
 
     def _neighbours(self, current: int, radius: int) -> int:
         """How many rows the exclusion of a current frame's neighbourhood can take out."""
@@ -126,6 +149,7 @@ class Ivf(_Faiss):
 
     name = "faiss-ivf"
     OPTIONS = ("cells", "probes", "rerank")
+    SEARCHING = ("probes", "rerank")
 
     def _make(
         self, rows: NDArray[np.float32], cells: int | None = None, probes: int = 32, **options: Any
@@ -135,13 +159,13 @@ class Ivf(_Faiss):
         if len(rows) < _ROWS_PER_CENTROID:
             return faiss.IndexFlatL2(rows.shape[1])
         index = faiss.IndexIVFFlat(faiss.IndexFlatL2(rows.shape[1]), rows.shape[1], cells)
-        index.nprobe = self.probes = min(probes, cells)
+        self.probes = probes
         return index
 
-    def _parameters(self, selector: Any) -> Any:
+    def _parameters(self, **selector: Any) -> Any:
         if isinstance(self.faiss, faiss.IndexIVF):
-            return faiss.SearchParametersIVF(sel=selector, nprobe=self.probes)
-        return super()._parameters(selector)
+            return faiss.SearchParametersIVF(nprobe=min(self.probes, self.faiss.nlist), **selector)
+        return super()._parameters(**selector)
 
 
 class Hnsw(_Faiss):
@@ -152,14 +176,15 @@ class Hnsw(_Faiss):
 
     name = "faiss-hnsw"
     OPTIONS = ("links", "effort", "rerank")
+    SEARCHING = ("effort", "rerank")
 
     def _make(self, rows: NDArray[np.float32], links: int = 32, effort: int = 64, **options: Any) -> Any:
         index = faiss.IndexHNSWFlat(rows.shape[1], links)
-        index.hnsw.efSearch = self.effort = effort
+        self.effort = effort
         return index
 
-    def _parameters(self, selector: Any) -> Any:
-        return faiss.SearchParametersHNSW(sel=selector, efSearch=self.effort)
+    def _parameters(self, **selector: Any) -> Any:
+        return faiss.SearchParametersHNSW(efSearch=self.effort, **selector)
 
 
 class Pq(_Faiss):
