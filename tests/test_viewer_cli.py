@@ -51,7 +51,14 @@ def test_poses_become_a_strip(walker_files: Path, tmp_path: Path) -> None:
         (["--offscreen", "x.png", "--size", "big"], "'big' is no size; give pixels as 1280x720"),
         (["--offscreen", "x.png", "--from", "99"], "nothing from 99 to 4.98333 s; the longest lasts 4.98 s"),
         (["--offscreen", "x.gif", "--from", "2", "--to", "1"], "nothing from 2 to 1 s; the longest"),
-        ([], "Missing option '--offscreen'"),
+        (
+            ["--offscreen", "x.png", "--show", "bones"],
+            "nothing is called 'bones' that could be shown; choose",
+        ),
+        (["--offscreen", "x.png", "--ghost"], "a ghost among 1; give two"),
+        (["--offscreen", "x.png", "--course", "thesis"], "nobody is driven over a course; give a database"),
+        (["--export", "x.fbx"], "x.fbx: motion is not exported so; name it *.bvh, *.glb, *.rec"),
+        (["--export", "x.rec"], "straight is a clip, of which there is no run; export it as .bvh or .glb"),
     ],
 )
 def test_faults_are_one_line(

@@ -1,23 +1,33 @@
-"""``python -m viewer``: clips and recorded runs as pictures and films."""
+"""``python -m viewer``: clips, recorded runs and driven characters in a window, as pictures and as films."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from mm.options import on_heights
 from motion import console
 from motion.errors import UserError
 from motion.options import TIME
 
 if TYPE_CHECKING:
-    from .shows import Show
+    from features.terrain import Heightmap
+
+    from .cast import Member
+    from .sources import Sources
 
 SIZE, CELL = (1280, 720), (200, 400)
 LARGEST = 8192
 RATES = {".gif": 25.0}
 VIEWS, CAMERAS = ("front", "side", "quarter", "back"), ("follow", "orbit", "fixed")
+COURSE, SHOWN, NOTHING = "thesis", ("trajectory", "panel"), "none"
+ROOM = 1.2  # by which the camera stands back where panels are in the picture
+PAST = 0.1  # seconds that are driven beyond the time of a picture
+EXPORTS = (".bvh", ".glb", ".rec")
 
 
 class Size(click.ParamType):
@@ -35,16 +45,51 @@ class Size(click.ParamType):
         return size
 
 
+class Names(click.ParamType):
+    """Names separated by commas."""
+
+    name = "names"
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> tuple[str, ...]:
+        if isinstance(value, tuple):
+            return value
+        return tuple(name.strip() for name in value.split(",") if name.strip())
+
+
 @console.command(
-    "viewer", epilog="Example: python -m viewer walk.bvh lap.rec --offscreen walk.mp4 --from 2 --to 7 --dark"
+    "viewer",
+    epilog="Example: python -m viewer walk.mmdb walk.lmm --course turn-180 --offscreen turn.mp4",
 )
-@click.argument("sources", nargs=-1, required=True, metavar="CLIP|RUN...", type=click.Path())
+@click.argument("sources", nargs=-1, metavar="[CLIP|DB|MODEL|RUN]...", type=click.Path())
+@click.option(
+    "--systems",
+    type=Names(),
+    metavar="NAMES",
+    help="Who is driven, as mm,lmm,lmm-D: letters name the stages that networks do.  [default: all]",
+)
+@click.option(
+    "--course",
+    metavar="NAME|FILE",
+    help=f"What they are asked: see `python -m mm courses`; a recorded run is one too.  [default: {COURSE}]",
+)
+@click.option(
+    "--settings",
+    multiple=True,
+    metavar="[NAME=]FILE",
+    help="TOML file with a controller's settings, for all or for that system.  [repeatable]",
+)
+@on_heights
 @click.option(
     "--offscreen",
-    required=True,
     type=click.Path(),
     metavar="OUT",
-    help="Picture or film to write: .png, .mp4, .gif.",
+    help="Picture or film to write instead of a window: .png, .mp4, .gif.",
+)
+@click.option(
+    "--export",
+    type=click.Path(),
+    metavar="OUT",
+    help="Motion shown, to write: .bvh, .glb (with the body), .rec; of several OUT-NAME each.",
 )
 @click.option(
     "--filmstrip",
@@ -52,16 +97,40 @@ class Size(click.ParamType):
     metavar="N",
     help="N poses at even times side by side, in one .png.",
 )
+@click.option(
+    "--show",
+    type=Names(),
+    metavar="NAMES",
+    help="What is drawn about them, or none: see below.  [default: of runs trajectory,panel]",
+)
+@click.option(
+    "--ghost",
+    is_flag=True,
+    help="The second stands clear in the first one's place, joints' distances coloured.",
+)
+@click.option(
+    "--apart/--together",
+    default=None,
+    help="A picture each, or all in one.  [default: apart where they are driven or on heights]",
+)
 @click.option("--size", type=Size(), metavar="WxH", help="Pixels.  [default: 1280x720; of a strip 400 high]")
 @click.option(
     "--from", "start", type=TIME, default=0.0, metavar="S", help="Begin there; where a .png is taken."
 )
 @click.option("--to", "stop", type=TIME, metavar="S", help="Stop there.  [default: the longest one's end]")
 @click.option("--fps", type=console.Number(1, 120), help="Pictures a second.  [default: 30; .gif: 25]")
-@click.option("--camera", type=click.Choice(CAMERAS), default="follow", show_default=True,
-              help="Move along, go around too, or stand where all of the way is seen.")  # fmt: skip
-@click.option("--view", type=click.Choice(VIEWS),
-              help="The side seen at the start.  [default: quarter; of several front]")  # fmt: skip
+@click.option(
+    "--camera",
+    type=click.Choice(CAMERAS),
+    default="follow",
+    show_default=True,
+    help="Move along, go around too, or stand where all of the way is seen.",
+)
+@click.option(
+    "--view",
+    type=click.Choice(VIEWS),
+    help="The side seen at the start.  [default: quarter; of several together front]",
+)
 @click.option(
     "--elevation", type=console.Number(-10, 89), default=12.0, show_default=True, help="Degrees above level."
 )
@@ -71,11 +140,131 @@ class Size(click.ParamType):
 @click.option("--turn", type=console.SECONDS, default=8.0, show_default=True, help="Seconds of one orbit.")
 @click.option("--no-skin", is_flag=True, help="Made bodies also where a glTF file has its own.")
 @click.option("--dark", is_flag=True, help="Dark background.")
-@click.option("--names/--no-names", default=None, help="Names above the characters.  [default: of several]")
+@click.option(
+    "--names/--no-names",
+    default=None,
+    help="Names above the characters.  [default: of several without panels]",
+)
 def main(
     sources: tuple[str, ...],
+    systems: tuple[str, ...] | None,
+    course: str | None,
+    settings: tuple[str, ...],
+    heights: str | None,
+    heights_spacing: float | None,
+    no_skin: bool,
+    offscreen: str | None,
+    export: str | None,
+    **seen: Any,
+) -> None:
+    """Look at motion: clips (BVH, AMC, NPZ, glTF), recorded runs (`python -m mm run --record`), and
+    characters that databases and models drive.
+
+    Several are shown side by side, each beginning at its own place. The left of a body is red, the right
+    blue. Without anything the built-in data and the networks that ship are shown. Databases and models that
+    are given with a run explain it; with --systems or --course they drive beside it. With --offscreen neither
+    a window nor a graphics card is needed.
+
+    \b
+    What --show names:
+      trajectory  what is asked (orange) and predicted (violet), with facings
+      match       the way of the frame that plays
+      features    the last search's query against what answered it
+      contacts    feet that touch (yellow), feet that are held (red)
+      candidates  what the last search might have chosen, green to red by cost
+      boxes       those of 16 frames around them
+      samples     where the ground's height is asked for
+      panel       name, cost, speed, skate, time of a step, phase and gait
+      costs       of the frame that plays, by feature
+    """
+    from mm.options import heightmap
+
+    from . import sources as things
+
+    outputs = [out for out in (offscreen, export) if out is not None]
+    files_of = [_file_of(setting) for setting in settings]
+    _check(outputs, [*sources, *files_of, *([heights] if heights else [])], offscreen, export, seen)
+    ground = heightmap(heights, heights_spacing)
+    found = things.read(sources, skinned=not no_skin)
+    if not sources:
+        found.databases[things.BUILT_IN] = things.built_in()
+    tuned = {_name_of(setting): _file_of(setting) for setting in settings}
+    if not outputs:
+        _window(found, systems=systems, course=course, settings=tuned, ground=ground, **seen)
+        return
+    members = _members(found, systems, course, tuned, ground, _until(seen, outputs))
+    if offscreen is not None:
+        _draw(members, offscreen, **seen)
+    if export is not None:
+        _export(members, export, seen["start"], seen["stop"])
+
+
+def _check(
+    outputs: list[str], inputs: list[str], offscreen: str | None, export: str | None, seen: Any
+) -> None:
+    """Faults in what is to be written and shown, before the work."""
+    from motion import files
+
+    from . import film
+    from .offscreen import SHOWN as KNOWN
+
+    form = film.suffix(offscreen) if offscreen else None
+    if seen["filmstrip"] and form != ".png":
+        raise UserError("a film strip is one picture", path=offscreen, remedy="name it *.png")
+    if export and Path(export).suffix.lower() not in EXPORTS:
+        raise UserError("motion is not exported so", path=export, remedy=f"name it *{', *'.join(EXPORTS)}")
+    for output in outputs:
+        files.check_output(output, inputs=inputs)
+    if form == ".mp4":
+        film.check_mp4()
+    for name in seen["show"] or ():
+        if name not in KNOWN and name != NOTHING:
+            raise UserError(f"nothing is called {name!r} that could be shown", remedy=_choices(KNOWN))
+
+
+def _until(seen: Any, outputs: list[str]) -> float | None:
+    """How long there is something to see, seconds; None: as long as a course lasts."""
+    stop: float | None = seen["stop"]
+    single = [out.lower().endswith(".png") for out in outputs] == [True] and not seen["filmstrip"]
+    return seen["start"] + PAST if single and stop is None else stop
+
+
+def _members(
+    found: Sources,
+    systems: tuple[str, ...] | None,
+    course: str | None,
+    settings: dict[str, str],
+    ground: Heightmap | None,
+    seconds: float | None,
+) -> list[Member]:
+    """Who is shown: clips and runs, then who is driven."""
+    from mm import course as courses
+
+    from . import cast
+
+    members = cast.given(found)
+    if found.runs and systems is None and course is None:
+        return members
+    parts = found.parts(systems)
+    for name in settings:
+        if name and name not in parts:
+            raise UserError(f"settings for {name!r}, which is not driven", remedy=_choices(parts))
+    if not parts:
+        if course is not None:
+            raise UserError("nobody is driven over a course", remedy="give a database or a model")
+        return members
+    way = courses.load(course or COURSE)
+    return members + cast.driven(parts, way, seconds=seconds, settings=settings, ground=ground)
+
+
+def _draw(
+    members: list[Member],
     offscreen: str,
+    *,
     filmstrip: int | None,
+    show: tuple[str, ...] | None,
+    ghost: bool,
+    apart: bool | None,
     size: tuple[int, int] | None,
     start: float,
     stop: float | None,
@@ -85,57 +274,73 @@ def main(
     elevation: float,
     distance: float | None,
     turn: float,
-    no_skin: bool,
     dark: bool,
     names: bool | None,
 ) -> None:
-    """Look at motion: clips (BVH, AMC, NPZ, glTF) and recorded runs (`python -m mm run --record`).
-
-    Several are shown side by side, each beginning at its own place. The left of a body is red, the right
-    blue. Neither a window nor a graphics card is needed.
-    """
     import numpy as np
 
-    from motion import files
-
     from . import film, scene, views
-    from .stage import Stage
+    from . import offscreen as pictures
+    from .panel import PARTS
 
-    form = film.suffix(offscreen)
-    if filmstrip and form != ".png":
-        raise UserError("a film strip is one picture", path=offscreen, remedy="name it *.png")
-    files.check_output(offscreen, inputs=sources)
-    if form == ".mp4":
-        film.check_mp4()
-    shows = _load(sources, skinned=not no_skin)
-    stage = Stage(
-        shows, theme=scene.DARK if dark else scene.LIGHT, names=len(shows) > 1 if names is None else names
+    form, several = film.suffix(offscreen), len(members) > 1
+    if ghost and len(members) != 2:
+        raise UserError(f"a ghost among {len(members)}", remedy="give two, or name two --systems")
+    runs = [each for each in members if each.run is not None]
+    shown = [name for name in (SHOWN if show is None and runs else show or ()) if name != NOTHING]
+    if filmstrip and show is None:
+        shown = []
+    panels = not filmstrip and bool(set(shown) & set(PARTS))
+    if apart is None:
+        apart = several and not ghost and not filmstrip and len(runs) == len(members)
+    look = pictures.Look(
+        theme=scene.DARK if dark else scene.LIGHT,
+        shown=shown,
+        names=(several and not ghost and not panels) if names is None else names,
+        apart=apart,
+        ghost=ghost,
     )
-    end = stage.seconds or 0.0
+    end = max(each.show.seconds or 0.0 for each in members)
     stop = end if stop is None else min(stop, end)
     if start > end or (stop < start if form == ".png" else stop <= start):
         raise UserError(f"nothing from {start:g} to {stop:g} s", remedy=f"the longest lasts {end:.2f} s")
-    side = view or ("front" if len(shows) > 1 else "quarter")
-    seen = views.View(camera, np.radians(views.SIDES[side]), np.radians(elevation), distance, turn)
+    side = view or ("front" if several and not apart and not ghost else "quarter")
+    angles = np.radians(views.SIDES[side]), np.radians(elevation)
+    seen = views.View(camera, *angles, distance, turn, room=ROOM if panels else 1.0)
     rate = fps or RATES.get(form, 30.0)
     if filmstrip:
         times = np.linspace(start, stop, filmstrip).tolist()
-        whole = size or (CELL[0] * filmstrip, CELL[1])
-        cells = console.progress(
-            views.strip(stage, times, whole, seen), label="drawing", total=filmstrip, unit="poses"
-        )
-        pictures = iter([views.joined(cells)])
+        rows = len(members) if apart else 1
+        cells = pictures.strip(members, look, times, size or (CELL[0] * filmstrip, CELL[1] * rows), seen)
+        drawn = iter([views.joined(console.progress(cells, label="drawing", total=filmstrip, unit="poses"))])
     else:
         times = [start] if form == ".png" else np.arange(start, stop + 1e-6, 1 / rate).tolist()
-        frames = views.film(stage, times, size or SIZE, seen)
-        pictures = console.progress(frames, label="filming", total=len(times), unit="pictures")
-    count = film.write(offscreen, pictures, fps=rate)
+        frames = pictures.filmed(members, look, times, size or SIZE, seen)
+        drawn = console.progress(frames, label="filming", total=len(times), unit="pictures")
+    count = film.write(offscreen, drawn, fps=rate)
     click.echo(f"wrote {count} picture{'s' * (count != 1)} to {offscreen}", err=True)
 
 
-def _load(sources: tuple[str, ...], *, skinned: bool) -> list[Show]:
-    from . import shows
+def _export(members: list[Member], output: str, start: float, stop: float | None) -> None:
+    from . import export
 
-    return [
-        shows.load(path, skinned=skinned) for path in console.progress(sources, label="reading", unit="files")
-    ]
+    for path in export.write(members, output, start=start, stop=stop):
+        click.echo(f"wrote {path}", err=True)
+
+
+def _window(found: Sources, **given: Any) -> None:
+    """Open the window: the one place where it is called."""
+    raise UserError("no window", remedy="name a picture or a film to write with --offscreen")
+
+
+def _name_of(setting: str) -> str:
+    """mm of mm=fast.toml; nothing where a file is for all."""
+    return setting.partition("=")[0] if "=" in setting else ""
+
+
+def _file_of(setting: str) -> str:
+    return setting.partition("=")[2] if "=" in setting else setting
+
+
+def _choices(names: Iterable[str]) -> str:
+    return f"choose from {', '.join(names)}"

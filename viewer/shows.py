@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mm.recording import Recording
-from motion import anatomy, files, kinematics, root, sources
+from motion import anatomy, files, kinematics, quat, root, sources
 from motion.clip import Clip
 from motion.errors import UserError
 from motion.gltf import Skin
@@ -76,6 +76,12 @@ class Recorded:
     def __repr__(self) -> str:
         return f"Recorded({self.name!r}, {self.count} x {len(self.skeleton)} joints, {self.seconds} s)"
 
+    def clip(self, character: int = 0) -> Clip:
+        """What one character does, as a clip."""
+        rotations = quat.normalize(self.rotations[:, character].astype(np.float64))
+        positions = self.positions[:, character].astype(np.float64)
+        return Clip(self.name, self.skeleton, self.fps, positions, quat.unroll(rotations))
+
     def pose(self, time: float) -> tuple[Array, Array]:
         """See `Show`; before the start and after the end it stands still."""
         frame = float(np.clip(time * self.fps, 0, len(self.positions) - 1))
@@ -117,12 +123,13 @@ def of_clip(clip: Clip) -> Recorded:
     )
 
 
-def of_recording(run: Recording, *, name: str | None = None) -> Recorded:
-    """A show of a recorded run: its characters, the first `MOST` of them."""
+def of_recording(run: Recording, *, name: str | None = None, shape: Body | None = None) -> Recorded:
+    """A show of a recorded run: its characters, the first `MOST` of them; shape is what they look like."""
     if len(run) == 0:
         raise UserError("no frames to show")
     positions, rotations = run["positions"][:, :MOST], run["rotations"][:, :MOST]
-    return Recorded(name or run.system, run.skeleton, run.fps, positions, rotations, shape_of(run.clip(0)))
+    shape = shape_of(run.clip(0)) if shape is None else shape
+    return Recorded(name or run.system, run.skeleton, run.fps, positions, rotations, shape)
 
 
 def _worn(skin: Skin, own: Skeleton, shown: Skeleton) -> Worn | None:

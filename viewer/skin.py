@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from motion import quat
+from motion import kinematics, quat
 from motion.gltf import Skin
+from motion.gltf.skins import INFLUENCES
+from motion.skeleton import Skeleton
 
 from . import shapes
+from .body import Body
 from .scene import Floats, Mesh
+
+if TYPE_CHECKING:
+    from .shows import Worn
 
 Array = NDArray[Any]
 
@@ -39,6 +46,34 @@ def mesh(skin: Skin, positions: Array, rotations: Array) -> Mesh:
     if not skin.normals.any():
         normals = shapes.normals(vertices.astype(np.float64), skin.triangles).astype(np.float32)
     return Mesh(vertices, normals, skin.triangles, np.sqrt(skin.colours))
+
+
+def of_body(body: Body, skeleton: Skeleton) -> Skin:
+    """A body as a skin of its skeleton: each part hangs on its joint alone."""
+    rest, _ = kinematics.forward(skeleton, skeleton.offsets[None], quat.identity(1, len(skeleton)))
+    count = [len(part.vertices) for part in body.parts]
+    joints = np.repeat(body.joints, count)
+    whole = shapes.merged(body.parts)
+    bind = np.tile(np.eye(3, 4), (len(skeleton), 1, 1))
+    bind[..., 3] = -rest[0]
+    hung = np.zeros((len(joints), INFLUENCES), np.int32)
+    hung[:, 0] = joints
+    return Skin(
+        vertices=(whole.vertices + rest[0, joints]).astype(np.float32),
+        normals=whole.normals,
+        triangles=whole.triangles,
+        colours=np.clip(whole.colours, 0, 1) ** 2,
+        joints=hung,
+        weights=np.eye(1, INFLUENCES, dtype=np.float32).repeat(len(joints), axis=0),
+        bind=bind.astype(np.float32),
+    )
+
+
+def on(worn: Worn, skeleton: Skeleton) -> Skin:
+    """A skin as one of all joints of the skeleton that wears it."""
+    bind = np.tile(np.eye(3, 4, dtype=np.float32), (len(skeleton), 1, 1))
+    bind[worn.joints] = worn.skin.bind
+    return replace(worn.skin, joints=worn.joints[worn.skin.joints].astype(np.int32), bind=bind)
 
 
 def _transforms(skin: Skin, positions: Array, rotations: Array) -> Floats:

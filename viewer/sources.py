@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from features.terrain import Ground
 from lmm import models, pretrained
 from lmm import run as of_models
 from lmm.mixtures import COMBINATIONS, LETTERS
@@ -22,6 +23,7 @@ from mm.codecs import compressed
 from mm.codecs.compressed import Compressed
 from mm.control import System
 from mm.database import KIND, Database
+from mm.grounded import on_ground
 from mm.recording import Recording
 from mm.runs import Driven
 from motion import dancecard, files, sources
@@ -53,10 +55,13 @@ class Part:
     data: Data | None = None
     learned: bool = True
 
-    def make(self, settings: Any = None, **options: Any) -> System:
-        """The system, of one character; settings are of the class that `driven` names."""
+    def make(self, settings: Any = None, *, ground: Ground | None = None, **options: Any) -> System:
+        """The system, of one character, on a ground if there is one; settings are of the class that `driven`
+        names."""
         settings = self.driven.settings() if settings is None else settings
-        return self.driven.controller(count=1, settings=settings, **options)
+        make = partial(self.driven.controller, count=1, settings=settings, **options)
+        made: System = on_ground(make, ground, sees=self.driven.sees_ground)
+        return made
 
 
 @dataclass(eq=False)
@@ -129,8 +134,10 @@ def _learned(name: str, model: AnyModel, letters: str, data: Data | None) -> Par
     return Part(name, of_models.of_stages(model, letters, data), data)
 
 
-def read(paths: Sequence[str | os.PathLike[str]]) -> Sources:
+def read(paths: Sequence[str | os.PathLike[str]], *, skinned: bool = True) -> Sources:
     """All that files hold; folders are searched for clips. No path: the networks that ship.
+
+    skinned : whether clips of glTF files wear the meshes of these.
 
     UserErrors: what is no such file, or is given twice; a model that is of none of the databases given; a run
     that none of them made.
@@ -145,7 +152,7 @@ def read(paths: Sequence[str | os.PathLike[str]]) -> Sources:
         return found
     where: dict[int, str] = {}
     for path in [os.fspath(path) for path in paths]:
-        for kind, name, thing in _read(path):
+        for kind, name, thing in _read(path, skinned):
             into: dict[str, Any] = getattr(found, kind)
             if name in into:
                 name = f"{name}-{Path(path).stem if kind == 'models' else Path(path).resolve().parent.name}"
@@ -186,7 +193,7 @@ def built_in(*, folder: str | os.PathLike[str] | None = None) -> Database:
     return Database.load(kept)
 
 
-def _read(path: str) -> Iterator[tuple[str, str, Any]]:
+def _read(path: str, skinned: bool) -> Iterator[tuple[str, str, Any]]:
     """What a file holds: where it belongs, its name, itself."""
     stem = Path(path).stem
     found = files.kind(path)
@@ -194,7 +201,7 @@ def _read(path: str) -> Iterator[tuple[str, str, Any]]:
         yield "models", "lmm", models.load(path)
     elif found == "folder" or sources.split(path)[0].suffix.lower() in sources.FORMATS:
         for one in sources.find([path]):
-            show = shows.load(one)
+            show = shows.load(one, skinned=skinned)
             yield "clips", show.name, show
     elif found is None:
         ships = ", ".join(pretrained.names())

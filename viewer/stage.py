@@ -6,7 +6,7 @@ that it begins at its own place, facing +Z, the first one leftmost as seen from 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,10 +16,12 @@ from motion import quat
 from motion.errors import UserError
 
 from . import skin
-from .scene import LIGHT, Labels, Scene, Solids, Surface, Theme
+from .layers.placing import placed, put
+from .scene import LIGHT, Labels, Layer, Scene, Solids, Surface, Theme
 from .shows import Show
 
 Array = NDArray[np.floating]
+Marks = Callable[[float], Mapping[str, Layer]]
 
 _LANE = 0.8  # from one to the next, in parts of how tall they are
 _AROUND, _ABOVE = 0.08, 0.2  # room around the joints, and above them for names, likewise
@@ -34,12 +36,21 @@ class Stage:
     shows : at least one.
     theme : colours of what is around them.
     names : whether their names stand above them.
+    marks : for each show what is drawn about it at a time, in its own world (`viewer.layers`), or None.
     """
 
-    def __init__(self, shows: Sequence[Show], *, theme: Theme = LIGHT, names: bool = False) -> None:
+    def __init__(
+        self,
+        shows: Sequence[Show],
+        *,
+        theme: Theme = LIGHT,
+        names: bool = False,
+        marks: Sequence[Marks | None] = (),
+    ) -> None:
         if not shows:
             raise ValueError("no shows")
         self.shows, self.scene = list(shows), Scene(theme=theme)
+        self._marks, self._marked = list(marks), set[str]()
         self.tall = max(_height(show) for show in shows)
         self._turns, self._moves = self._places()
         self._leans = [_lean(show) for show in self.shows]
@@ -62,7 +73,26 @@ class Stage:
         return None if None in ends else max(end for end in ends if end is not None)
 
     def move_to(self, time: float) -> None:
-        """Show the poses at a time, seconds."""
+        """Show the poses at a time, seconds, and what is drawn about them."""
+        self._pose_at(time)
+        drawn = {
+            f"{i} {name}": placed(layer, self._turns[i], self._moves[i])
+            for i, marks in enumerate(self._marks)
+            if marks is not None
+            for name, layer in marks(time).items()
+        }
+        for name, layer in drawn.items():
+            put(self.scene.layers, name, layer)
+        for name in self._marked - drawn.keys():
+            self.scene.layers[name].visible = False
+        self._marked |= drawn.keys()
+
+    def lay(self, i: int, ground: Surface) -> None:
+        """Put a ground, of show i's own world, in place of the level one."""
+        self.scene.ground = None
+        self.scene.layers[f"{i} ground"] = placed(ground, self._turns[i], self._moves[i])
+
+    def _pose_at(self, time: float) -> None:
         roots, yaws, tops, corners, middles = [], [], [], [], []
         for i, show in enumerate(self.shows):
             positions, rotations = self.pose(i, time)
@@ -91,11 +121,11 @@ class Stage:
     def boxes(self, times: Sequence[float]) -> tuple[Array, Array]:
         """What there is to see at T times: middles [T, 3] on the ground, corners [T, C, 3] around everyone.
 
-        The stage is left at the last of these times.
+        The bodies are left at the last of these times.
         """
         middles, corners = [], []
         for time in times:
-            self.move_to(time)
+            self._pose_at(time)
             middles.append(self.middle)
             corners.append(self._corners)
         return np.array(middles), np.array(corners)

@@ -34,6 +34,7 @@ class View:
     azimuth : radians from where the first character faces at the start, to its left.
     elevation : radians above level.
     distance : metres, or None for what shows all.
+    room : how much farther than that, for what else is in the picture.
     """
 
     kind: str = "follow"
@@ -41,6 +42,7 @@ class View:
     elevation: float = np.radians(12.0)
     distance: float | None = None
     turn: float = 8.0
+    room: float = 1.0
 
 
 def film(
@@ -78,6 +80,24 @@ def strip(
         yield image[:, : stop - start]
 
 
+def beside(
+    stages: Sequence[Stage],
+    times: Sequence[float],
+    size: tuple[int, int],
+    view: View,
+    *,
+    compiled: bool = True,
+) -> Iterator[Image]:
+    """Pictures of several stages at the same times and from the same distance, side by side."""
+    edges = np.round(np.linspace(0, size[0], len(stages) + 1)).astype(int)
+    sizes = [(int(wide), size[1]) for wide in np.diff(edges)]
+    each = list(zip(stages, sizes, strict=True))
+    far = max(first_camera(stage, times, part, view).distance for stage, part in each)
+    films = [film(stage, times, part, replace(view, distance=far), compiled=compiled) for stage, part in each]
+    for pictures in zip(*films, strict=True):
+        yield joined(pictures)
+
+
 def joined(pictures: Iterable[Image]) -> Image:
     """Pictures of one height as one, with a thin line between them."""
     parts: list[Image] = []
@@ -105,7 +125,7 @@ def first_camera(stage: Stage, times: Sequence[float], size: tuple[int, int], vi
         if view.kind == "orbit":  # from all sides
             far = np.linalg.norm(seen[..., [0, 2]], axis=-1)
             seen = np.stack([far * np.cos(azimuth), seen[..., 1], -far * np.sin(azimuth)], axis=-1)
-        distance = _MARGIN * camera.fitting(seen.reshape(-1, 3), aspect=size[0] / size[1], **way)
+        distance = view.room * _MARGIN * camera.fitting(seen.reshape(-1, 3), aspect=size[0] / size[1], **way)
     return camera.orbit(middles[0] + waist, distance=distance, **way)
 
 
@@ -122,7 +142,9 @@ def _around(eye: Camera, angle: float) -> Camera:
 
 
 def _light(stage: Stage, eye: Camera) -> None:
-    """Let the ground reach as far as this camera sees it."""
+    """Let level ground reach as far as this camera sees it."""
+    if stage.scene.ground is None:
+        return
     x, _, z = eye.target
     stage.scene.ground = Ground(
         spacing=1.0 if stage.tall > 0.8 else 0.5, centre=(float(x), float(z)), radius=6.0 + 2.2 * eye.distance

@@ -1,0 +1,143 @@
+"""Who is shown, and what is known of what they do: clips, recorded runs, and systems driven over a course."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from features.terrain import Ground, flat
+from mm import recording
+from mm.course import Course
+from mm.database import Database
+from mm.driver import Driver
+from mm.recording import Recording
+from mm.runs import fitted
+from motion import config, console, contacts
+from motion.errors import UserError
+
+from . import explain, played, shows
+from .explain import Explanation
+from .shows import Recorded, Show
+from .sources import Data, Part, Sources
+from .timeline import Timeline
+
+
+class Member:
+    """One who is shown.
+
+    Attributes
+    ----------
+    show : its poses.
+    timeline : what its first character did, and why; of a clip only poses and contacts.
+    run : the run that this is, as it is written to a file; None for clips.
+    data : the database that its searches are explained by, or None.
+    contact_roles : what its contacts are of; None for those that are told by default.
+    ground : what it walks on.
+    """
+
+    def __init__(
+        self,
+        show: Show,
+        timeline: Timeline,
+        *,
+        run: Recording | None = None,
+        data: Data | None = None,
+        system: Any = None,
+        contact_roles: tuple[str, ...] | None = None,
+        ground: Ground = flat,
+    ) -> None:
+        self.show, self.timeline, self.run, self.data = show, timeline, run, data
+        self.contact_roles, self.ground = contact_roles, ground
+        self._system = system
+        self._explained: tuple[int, Explanation | None] = (-1, None)
+
+    def __repr__(self) -> str:
+        return f"Member({self.show.name!r}, {len(self.timeline)} steps)"
+
+    @property
+    def name(self) -> str:
+        return self.show.name
+
+    def explanation(self, time: float) -> Explanation | None:
+        """The last search until a time; None without one, or without its database (see `viewer.explain`)."""
+        step = explain.step_of(self.timeline, time)
+        if step is None or self.data is None:
+            return None
+        if self._explained[0] != step:
+            self._explained = step, explain.at(self.timeline, time, self.data, system=self._system)
+        return self._explained[1]
+
+
+def given(sources: Sources) -> list[Member]:
+    """The clips and the runs of what was given."""
+    found = [of_clip(clip) for clip in sources.clips.values()]
+    return found + [of_run(name, run, sources.data_of(run)) for name, run in sources.runs.items()]
+
+
+def of_clip(show: Recorded) -> Member:
+    """A clip's show; its contacts are those that its motion tells."""
+    arrays: dict[str, NDArray] = {"positions": show.positions, "rotations": show.rotations}
+    touching = _contacts(show)
+    if touching is not None:
+        arrays["contacts"] = touching[:, None]
+    run = Recording(
+        "clip", show.skeleton, show.fps, arrays, step_seconds=np.full(len(show.positions), np.nan)
+    )
+    return Member(show, Timeline.of_recording(run))
+
+
+def of_run(name: str, run: Recording, data: Data | None = None, **known: Any) -> Member:
+    """A recorded run; known is what else a `Member` knows."""
+    show = known.pop("show", None) or shows.of_recording(run, name=name)
+    return Member(show, Timeline.of_recording(run), run=run, data=data, **known)
+
+
+def driven(
+    parts: Mapping[str, Part],
+    course: Course,
+    *,
+    seconds: float | None = None,
+    settings: Mapping[str, str] | None = None,
+    ground: Ground | None = None,
+    progress: Callable[..., Iterator[int]] = console.progress,
+) -> list[Member]:
+    """Systems driven over one course, each from its start, until it is done or seconds are over.
+
+    The course is scaled to the data of the first one, so that all are asked the same. settings are TOML files
+    by the names of systems, under "" that of the others; one of another kind's settings is a UserError.
+    """
+    first = next(iter(parts.values()))
+    asked = fitted(course, first.driven.description)
+    files = settings or {}
+    chosen = {name: _settings(part, files.get(name, files.get(""))) for name, part in parts.items()}
+    found = []
+    for name, part in parts.items():
+        system = part.make(chosen[name], ground=ground, obstacles=asked.obstacles())
+        driver = Driver(asked, 1, system.fps)
+        run = recording.record(system, asked, seconds=seconds, driver=driver, progress=progress)
+        description = part.driven.description
+        show = shows.of_recording(run, name=name, shape=played.shape_of(description, part.data))
+        known = {"contact_roles": description.contact_roles, "ground": ground or flat}
+        found.append(of_run(name, run, part.data, show=show, system=system, **known))
+    return found
+
+
+def _settings(part: Part, path: str | None) -> Any:
+    return None if path is None else config.load(part.driven.settings, path)
+
+
+def _contacts(show: Recorded) -> NDArray[np.uint8] | None:
+    """What touches the ground in a clip [T, C]; None where it has no feet."""
+    try:
+        return contacts.contacts(show.clip())
+    except UserError:
+        return None
+
+
+def offset_and_scale(data: Data) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """By which a database's features are normalised, [F] each."""
+    of = data if isinstance(data, Database) else data.description
+    return of.offset, of.scale
