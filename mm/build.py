@@ -5,7 +5,7 @@ from __future__ import annotations
 import glob
 import os
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -142,6 +142,23 @@ def build(
     for line in suspects.contacts(database):
         work.note(line)
     return database
+
+
+def of_clips(
+    clips: Iterable[Clip], *, schema: str | Schema = "mm27", mirror: bool = True, jobs: int | None = 1
+) -> Database:
+    """A database of clips that need neither files nor checks: all of one skeleton, at its rate, in metres.
+
+    They are taken one after another and held only once, so that a generator may make many.
+    """
+    schema = schema if isinstance(schema, Schema) else presets.load(schema)
+    grounded = [root.ground(clip) for clip in clips]
+    if not grounded:
+        raise UserError("no clips", remedy="give at least one")
+    parts.check_roles(schema, grounded[0].skeleton, None)
+    names, fps = [clip.name for clip in grounded], grounded[0].fps
+    untagged = [np.zeros(len(clip), np.uint32) for clip in grounded]
+    return _assemble(grounded, names, untagged, (), schema, fps, mirror, None, Work.of(jobs))
 
 
 def _files(

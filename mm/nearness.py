@@ -42,6 +42,28 @@ def difference(poses: Array, others: Array, *, window: int = 0) -> NDArray[np.fl
     return 100 * least
 
 
+def to_nearest(database: Database, poses: Array) -> NDArray[np.float64]:
+    """Mean distance of the joints, in cm [S], of poses [S, J, 3] (metres) to the nearest pose of a database.
+
+    What `RealPoses.distances` tells, by looking at all poses once: for few poses, and data of any size.
+    """
+    flat = np.asarray(poses, np.float64).reshape(len(poses), -1)
+    least, nearest = np.full(len(flat), np.inf), np.empty_like(flat)
+    for start in range(0, len(database), CHUNK):
+        chunk = database.poses[slice(start, start + CHUNK)]
+        local = quality.in_root_space(database.skeleton, chunk.positions, chunk.rotations)
+        real = local.reshape(len(local), -1).astype(np.float32)
+        apart = (real**2).sum(axis=1)[:, None] - 2 * (
+            real @ flat.T
+        )  # less what is the same for all real ones
+        best = apart.argmin(axis=0)
+        closer = apart[best, np.arange(len(flat))] < least
+        least[closer] = apart[best[closer], np.flatnonzero(closer)]
+        nearest[closer] = real[best[closer]]
+    away = (flat - nearest).reshape(len(flat), -1, 3)
+    return 100 * np.linalg.norm(away, axis=-1).mean(axis=-1)
+
+
 class RealPoses:
     """The poses of a database, to ask how far from the nearest of them a pose is.
 
