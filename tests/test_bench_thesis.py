@@ -236,7 +236,7 @@ def test_the_error_of_shared_joints_is_that_of_these_joints(databases, ava, tmp_
 @pytest.fixture
 def undrawn(monkeypatch):
     """Figures are made, but not turned into text, which takes long."""
-    monkeypatch.setattr(page.figures, "svg", lambda picture: "<svg></svg>")
+    monkeypatch.setattr(page.figures, "svg", lambda picture, label: "<svg></svg>")
 
 
 def test_without_models_the_thesis_is_left(databases, undrawn):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ from motion import figures, files
 
 from .. import coverage
 from ..compare import plain
+from ..pages import render
 from . import costs, duplicates, features, glitches, pictures, reach, verdict
 from .analyse import Analysis
 
@@ -122,12 +122,9 @@ def title(name: str) -> str:
 
 def html(found: Analysis, *, command: str) -> str:
     """The page."""
-    import jinja2
-
-    template = resources.files("bench") / "templates" / "data.html"
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
     tables = {name: _table(name, table) for name, table in found.tables().items() if name not in LONG}
-    return environment.from_string(template.read_text("utf-8")).render(
+    return render(
+        "data.html",
         found=found,
         tables=tables,
         verdict=verdict.sentences(found),
@@ -154,10 +151,13 @@ def _pictures(found: Analysis) -> Iterable[tuple[str, str]]:
     """SVG by name."""
     for name in ("histograms", "boxes", "correlations", "variance", "component_map", "speeds", "nearest"):
         with figures.style(name):
-            yield name, figures.svg(getattr(pictures, name)(found))
+            yield name, figures.svg(getattr(pictures, name)(found), name.replace("_", " "))
     if found.coverage is not None:
         with figures.style("coverage"):
-            yield "coverage", figures.svg(coverage.figure(found.coverage, found.name))
+            yield (
+                "coverage",
+                figures.svg(coverage.figure(found.coverage, found.name), "coverage of what is asked"),
+            )
     if found.run is not None:
         with figures.style("run"):
-            yield "run", figures.svg(pictures.run(found.run))
+            yield "run", figures.svg(pictures.run(found.run), "the run")

@@ -5,12 +5,12 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Callable, Iterator
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
+from bench.pages import render
 from motion import figures, files
 
 from . import pictures
@@ -41,8 +41,8 @@ def save(
                 stream.write(figures.png(picture))
             written.append(folder / names[kind])
         shown.append((move, names, likeness.table[likeness.table["move"] == move].to_dict("records")))
-    environment = _environment()
-    page = environment.get_template("likeness.html").render(
+    page = render(
+        "likeness.html",
         likeness=likeness,
         command=command,
         summary=likeness.summary(),
@@ -63,18 +63,6 @@ def save(
             stream.write(text)
             stream.flush()
     return [*written, *(folder / name for name in texts)]
-
-
-def _environment() -> Any:
-    import jinja2
-
-    return jinja2.Environment(
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        loader=jinja2.FunctionLoader(
-            lambda name: (resources.files("bench") / "templates" / name).read_text("utf-8")
-        ),
-    )
 
 
 def number(value: Any) -> str:

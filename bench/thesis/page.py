@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 import math
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from bench.compare import plain
+from bench.pages import number, render
 from motion import figures, files
 
 from . import plots, published
@@ -77,13 +77,6 @@ def brief(thesis: Thesis) -> list[dict[str, Any]]:
     return out
 
 
-def number(value: Any, digits: int) -> str:
-    """A number with so many digits, a dash where there is none."""
-    if value is None or not math.isfinite(value):
-        return "–"
-    return f"{value:,.{digits}f}"
-
-
 def duration(seconds: float) -> str:
     """Seconds as people say them; a dash where there are none."""
     if not math.isfinite(seconds):
@@ -103,12 +96,9 @@ def size(mb: float) -> str:
 
 def html(thesis: Thesis, *, command: str) -> str:
     """The page."""
-    import jinja2
-
-    template = resources.files("bench") / "templates" / "thesis.html"
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
     laps = thesis.laps.pivot(index="lap", columns="configuration", values="mean_ms")
-    return environment.from_string(template.read_text("utf-8")).render(
+    return render(
+        "thesis.html",
         thesis=thesis,
         source=published.SOURCE,
         names=published.CONFIGURATIONS,
@@ -142,5 +132,5 @@ def _pictures(thesis: Thesis) -> dict[str, str]:
     out = {}
     for name in ("laps", "lap_boxes", "files", "file_boxes", "training", "operations"):
         with figures.style(name):
-            out[name] = figures.svg(getattr(plots, name)(thesis))
+            out[name] = figures.svg(getattr(plots, name)(thesis), name.replace("_", " "))
     return out
