@@ -35,7 +35,9 @@ _OPTIONS = (
         metavar="NAME|FILE",
         help="See `python -m mm courses`; or a file: TOML, or what a user once did (.rec, .csv, .bin).",
     ),
-    click.option("-o", "--output", type=click.Path(), metavar="OUT", help="Motion to write, .bvh or .npz."),
+    click.option(
+        "-o", "--output", type=click.Path(), metavar="OUT", help="Motion to write, .bvh, .npz or .glb."
+    ),
     click.option(
         "--record",
         "tape",

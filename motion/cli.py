@@ -144,7 +144,7 @@ class Changes:
 @click.option(
     "--format",
     "form",
-    type=click.Choice(["bvh", "npz"]),
+    type=click.Choice(["bvh", "npz", "glb"]),
     help="Format to write.  [default: as OUT ends, or bvh]",
 )
 @click.option("--fps", type=console.RATE, help="Frames a second to resample to.  [default: as they are]")
@@ -189,7 +189,7 @@ def convert(
     source_handedness: str,
     roles: str | None,
 ) -> None:
-    """Convert the motion file IN, or all in the folder IN, to the file (.bvh, .npz) or folder OUT.
+    """Convert the motion file IN, or all in the folder IN, to the file (.bvh, .npz, .glb) or folder OUT.
 
     An .npz file keeps all of a clip, roles and every digit too. Of a glTF file with several animations one is
     named as hero.glb#Walk; all of them go into a folder. Each file is written whole or not at all.

@@ -6,11 +6,11 @@ import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from . import bvh, files, npz, sources
+from . import bvh, files, gltf, npz, sources
 from .clip import Clip
 from .errors import UserError
 
-WRITERS: dict[str, Callable[..., None]] = {"bvh": bvh.write, "npz": npz.write}
+WRITERS: dict[str, Callable[..., None]] = {"bvh": bvh.write, "npz": npz.write, "glb": gltf.write}
 """Writers by the suffix of their files without its dot; each takes a path, a clip and unit_to_m."""
 
 
@@ -23,19 +23,25 @@ def write(
 ) -> None:
     """Write a clip in the format of path's suffix, whole or not at all.
 
-    axes (up, forward, handedness) are those that the clip is in, for formats that say so.
+    axes (up, forward, handedness) are those that the clip is in, for formats that say so; .glb has ours.
     """
-    if path.suffix.lower() == ".npz":
+    form = suffix_of(path)
+    if form == "npz":
         npz.write(path, clip, unit_to_m=unit_to_m, axes=axes)
+    elif form == "glb" and axes != ("y", "z", "right"):
+        raise UserError(
+            "glTF files have Y up, +Z ahead, right-handed", path=path, remedy="leave out the axes"
+        )
     else:
-        WRITERS[suffix_of(path)](path, clip, unit_to_m=unit_to_m)
+        WRITERS[form](path, clip, unit_to_m=unit_to_m)
 
 
 def suffix_of(path: Path) -> str:
     """The format that a file's suffix names; a UserError lists the choices."""
     form = path.suffix.lower().removeprefix(".")
     if form not in WRITERS:
-        choices = " or ".join(f".{known}" for known in WRITERS)
+        *first, last = (f".{known}" for known in WRITERS)
+        choices = f"{', '.join(first)} or {last}"
         raise UserError(
             f"cannot write {path.suffix} files", path=path, remedy=f"name a {choices} file, or a folder"
         )

@@ -113,7 +113,7 @@ def test_run_refuses_what_is_no_rig(files, tmp_path):
     assert "no such file" in run(files, "--rig", tmp_path / "none.bvh", code=2).stderr
     assert "give --rig FILE too" in run(files, "--rig-up", "z", code=2).stderr
     assert "it is a folder" in run(files, "--rig", files, code=2).stderr
-    assert "name a .bvh or .npz file" in run(files, "-o", tmp_path / "x.fbx", code=2).stderr
+    assert "name a .bvh, .npz or .glb file" in run(files, "-o", tmp_path / "x.fbx", code=2).stderr
     out = run(files, "--rig", files / "rig.bvh", "-o", files / "rig.bvh", code=2).stderr
     assert "rig.bvh" in out
     assert "lie along one axis" in run(files, "--up", "z", "--forward", "-z", code=2).stderr

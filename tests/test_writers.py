@@ -105,7 +105,7 @@ def test_info_of_an_smpl_file_says_once_that_bones_are_guessed(run, tmp_path):
         ),
         ("hero.glb#straight", "a.npz", ("--format", "bvh"), "not a .bvh file; leave out --format"),
         ("hero.glb#jump", "a.npz", (), "no animation 'jump'; the file has straight, left_turn"),
-        ("hero.glb#straight", "a.glb", (), "cannot write .glb files; name a .bvh or .npz file, or a folder"),
+        ("hero.glb#straight", "a.fbx", (), "cannot write .fbx files; name a .bvh, .npz or .glb file"),
         ("hero.glb", "x/hero", ("--format", "fbx"), "'fbx' is not one of"),
         ("", "a.npz", (), "not a folder"),
     ],

@@ -117,7 +117,8 @@ def driven(
     for name, part in parts.items():
         system = part.make(chosen[name], ground=ground, obstacles=asked.obstacles())
         driver = Driver(asked, 1, system.fps)
-        run = recording.record(system, asked, seconds=seconds, driver=driver, progress=progress)
+        until = None if seconds is None else seconds + 1 / system.fps  # a step is there at that time, too
+        run = recording.record(system, asked, seconds=until, driver=driver, progress=progress)
         description = part.driven.description
         show = shows.of_recording(run, name=name, shape=played.shape_of(description, part.data))
         known = {"contact_roles": description.contact_roles, "ground": ground or flat}

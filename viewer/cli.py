@@ -329,8 +329,8 @@ def _export(members: list[Member], output: str, start: float, stop: float | None
 
 
 def _window(found: Sources, **given: Any) -> None:
-    """Open the window: the one place where it is called."""
-    raise UserError("no window", remedy="name a picture or a film to write with --offscreen")
+    """Open the window on what was given (viewer.window.run): the one place where it is."""
+    raise UserError("no window yet", remedy="name a picture or a film to write with --offscreen")
 
 
 def _name_of(setting: str) -> str:

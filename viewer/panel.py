@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from features.terrain import flat
 from lmm.locomotion.window import GAITS
 
 from . import curves
@@ -65,11 +66,12 @@ class Told:
 
 
 class Gauge:
-    """Tells what a member's panel says at a time; parts are some of `PARTS`."""
+    """Tells what a member's panel says at times from a step on; parts are some of `PARTS`."""
 
-    def __init__(self, member: Member, parts: Sequence[str] = ("panel",)) -> None:
+    def __init__(self, member: Member, parts: Sequence[str] = ("panel",), *, since: int = 0) -> None:
         self.member, self.parts = member, parts
-        self._curves = curves.of(member.timeline, contact_roles=member.contact_roles)
+        self._first = max(since, member.timeline.first)
+        self._curves = curves.of(member.timeline, since=since, contact_roles=member.contact_roles)
 
     def at(self, time: float) -> Told:
         """What there is to say at a time, seconds."""
@@ -84,7 +86,7 @@ class Gauge:
 
     def _rows(self, time: float) -> list[Row]:
         timeline, found = self.member.timeline, []
-        now = timeline.step_at(time) - timeline.first
+        now = timeline.step_at(time) - self._first
         past = slice(max(0, now + 1 - round(HISTORY * timeline.fps)), now + 1)
         for name, what, decimals in (
             ("cost", "cost", 2),
@@ -93,7 +95,8 @@ class Gauge:
             ("step", "step", 2),
         ):
             values = self._curves[name]
-            if not np.isfinite(values).any():
+            # How feet skate is told by how high they are above level ground.
+            if not np.isfinite(values).any() or (name == "skate" and self.member.ground is not flat):
                 continue
             asked = self._curves["asked"] if name == "speed" else np.full(1, np.nan)
             value = f"{values[now]:.{decimals}f}" if np.isfinite(values[now]) else "-"
@@ -188,7 +191,7 @@ def drawn(told: Told, theme: Theme, scale: float = 1.0) -> Image:
         y += row
     for bar in told.bars:
         box = (width - pad - 2.9 * row, y + 0.28 * row, width - pad, y + 0.72 * row)
-        draw.text((pad, y), _fitting(bar.name, small, box[0] - 3.1 * row), font=small, fill=(*ink, 255))
+        draw.text((pad, y), fitting(bar.name, small, box[0] - 3.1 * row), font=small, fill=(*ink, 255))
         value = (box[0] - 0.3 * row, y)
         draw.text(value, bar.value, font=small, fill=(*ink, 255), anchor="ra")
         draw.rectangle(box, fill=(*faint, 255))
@@ -204,9 +207,10 @@ def _plot(draw: Any, values: NDArray, top: float, box: tuple, shade: Colour, sca
     x = right - (right - left) * np.arange(len(values))[::-1] / max(len(values) - 1, 1)
     y = below - (below - above) * np.clip(np.asarray(values, np.float64) / top, 0, 1)
     width = max(1, round(1.6 * scale))
-    for a, b in zip(range(len(x) - 1), range(1, len(x)), strict=True):
-        if np.isfinite(y[a] + y[b]):
-            draw.line([(x[a], y[a]), (x[b], y[b])], fill=(*shade, 255), width=width)
+    known = np.isfinite(y)
+    for part in np.split(np.flatnonzero(known), np.flatnonzero(np.diff(np.flatnonzero(known)) > 1) + 1):
+        if len(part) > 1:
+            draw.line(list(zip(x[part], y[part], strict=True)), fill=(*shade, 255), width=width)
 
 
 def _dial(
@@ -233,7 +237,7 @@ def _dial(
         )
 
 
-def _fitting(words: str, font: Any, width: float) -> str:
+def fitting(words: str, font: Any, width: float) -> str:
     """As much of a text as there is room for."""
     if font.getlength(words) <= width:
         return words
