@@ -25,7 +25,7 @@ LARGEST = 8192
 RATES = {".gif": 25.0}
 VIEWS, CAMERAS = ("front", "side", "quarter", "back"), ("follow", "orbit", "fixed")
 COURSE, SHOWN, NOTHING = "thesis", ("trajectory", "panel"), "none"
-ROOM = 1.2  # by which the camera stands back where panels are in the picture
+ROOM = 1.35  # by which the camera stands back where pictures are narrow and have panels
 PAST = 0.1  # seconds that are driven beyond the time of a picture
 EXPORTS = (".bvh", ".glb", ".rec")
 
@@ -306,7 +306,7 @@ def _draw(
         raise UserError(f"nothing from {start:g} to {stop:g} s", remedy=f"the longest lasts {end:.2f} s")
     side = view or ("front" if several and not apart and not ghost else "quarter")
     angles = np.radians(views.SIDES[side]), np.radians(elevation)
-    seen = views.View(camera, *angles, distance, turn, room=ROOM if panels else 1.0)
+    seen = views.View(camera, *angles, distance, turn, room=ROOM if panels and apart else 1.0)
     rate = fps or RATES.get(form, 30.0)
     if filmstrip:
         times = np.linspace(start, stop, filmstrip).tolist()

@@ -21,6 +21,7 @@ KINDS = ("follow", "orbit", "fixed")
 _SAMPLES = 40  # instants at which a film's extent is looked at
 _WAIST = 0.52  # of how tall they are: what the camera looks at
 _MARGIN = 1.06
+_LIFT = 0.3
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,7 @@ class View:
     azimuth : radians from where the first character faces at the start, to its left.
     elevation : radians above level.
     distance : metres, or None for what shows all.
-    room : how much farther than that, for what else is in the picture.
+    room : how much farther than that, so that there is room for panels above them.
     """
 
     kind: str = "follow"
@@ -55,11 +56,11 @@ def film(
     for time in times:
         stage.move_to(time)
         if view.kind != "fixed":
-            eye = camera.follow(eye, _goal(stage), time - before)
+            eye = camera.follow(eye, goal(stage) + _above(stage, view), time - before)
         if view.kind == "orbit":
             eye = _around(eye, 2 * np.pi * (time - before) / view.turn)
         before = time
-        _light(stage, eye)
+        light(stage, eye)
         yield renderer.render(stage.scene, eye)
 
 
@@ -74,7 +75,7 @@ def strip(
     whole = first_camera(stage, times, (wide, size[1]), here)
     for time, start, stop in zip(times, edges, edges[1:], strict=False):
         eye = first_camera(stage, [time], (wide, size[1]), replace(here, distance=whole.distance))
-        _light(stage, eye)
+        light(stage, eye)
         image = renderer.render(stage.scene, eye)
         _stamp(image, f"{time:.2f} s", stage.scene.theme)
         yield image[:, : stop - start]
@@ -116,7 +117,7 @@ def first_camera(stage: Stage, times: Sequence[float], size: tuple[int, int], vi
     stage.move_to(times[0])
     if view.kind == "fixed":
         middles = np.broadcast_to((middles.min(axis=0) + middles.max(axis=0)) / 2, middles.shape)
-    waist = np.array([0.0, _WAIST * stage.tall, 0.0])
+    waist = np.array([0.0, _WAIST * stage.tall, 0.0]) + _above(stage, view)
     azimuth = float(stage.yaws[0]) + view.azimuth
     way = {"azimuth": azimuth, "elevation": view.elevation}
     distance = view.distance
@@ -129,7 +130,12 @@ def first_camera(stage: Stage, times: Sequence[float], size: tuple[int, int], vi
     return camera.orbit(middles[0] + waist, distance=distance, **way)
 
 
-def _goal(stage: Stage) -> NDArray[np.float64]:
+def _above(stage: Stage, view: View) -> NDArray[np.float64]:
+    """How much higher the camera looks where there is to be room above them."""
+    return np.array([0.0, _LIFT * (view.room - 1) * stage.tall, 0.0])
+
+
+def goal(stage: Stage) -> NDArray[np.float64]:
     return np.asarray(stage.middle + np.array([0.0, _WAIST * stage.tall, 0.0]), np.float64)
 
 
@@ -141,7 +147,7 @@ def _around(eye: Camera, angle: float) -> Camera:
     return Camera(eye.target + turned, eye.target, eye.field)
 
 
-def _light(stage: Stage, eye: Camera) -> None:
+def light(stage: Stage, eye: Camera) -> None:
     """Let level ground reach as far as this camera sees it."""
     if stage.scene.ground is None:
         return
