@@ -14,9 +14,11 @@ from motion import console, files
 from motion.errors import UserError
 
 from .data.cli import data
+from .driven import courses
 from .memory.cli import memory
 from .options import CODECS, MODELS, Listed, check_models, check_outputs, load, note, open_database
 from .recall import search
+from .scale.cli import scale
 
 
 @console.group("bench", "Numbers to trust: memory, cost per frame, motion quality, search, crowds, reading.")
@@ -460,8 +462,10 @@ def thesis(
             print(f"wrote {path}", file=sys.stderr)
 
 
+main.add_command(courses)
 main.add_command(data)
 main.add_command(memory)
+main.add_command(scale)
 main.add_command(search)
 
 

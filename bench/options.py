@@ -69,7 +69,7 @@ def open_database(
     names = ", ".join(sources)
     first = Path(sources[0])
     if len(sources) == 1 and files.kind(first) == "file" and first.suffix.lower() not in CLIPS:
-        for flag in _given(set(chosen) - {"jobs"}):
+        for flag in given(set(chosen) - {"jobs"}):
             raise UserError("this database is built already", path=first, remedy=f"leave out {flag}")
         return load(sources[0]), names
     database = building.build(sources, **chosen, note=note, progress=console.progress)
@@ -79,7 +79,7 @@ def open_database(
     return database, names
 
 
-def _given(names: set[str]) -> Iterator[str]:
+def given(names: set[str]) -> Iterator[str]:
     """The flags of options of these names that stand on the command line."""
     context = click.get_current_context()
     for option in context.command.params:

@@ -1,0 +1,1 @@
+"""Memory, time and error against minutes of data: what grows, how fast, and what does not."""
