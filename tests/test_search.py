@@ -359,6 +359,11 @@ def test_unknown_index_lists_the_known():
         search.build("magic", np.zeros((1, 1)), [0], [1])
 
 
+def test_names_are_of_what_can_search_a_cost():
+    assert set(search.names(presets.load("mm27"))) == set(search.names())
+    assert search.names(presets.load("o3de59")) == ["brute", "exact", "two-phase"]
+
+
 def test_other_cost_is_refused_by_euclidean_indexes():
     schema = SimpleNamespace(euclidean=False)
     with pytest.raises(UserError, match="brute, exact, two-phase"):

@@ -125,8 +125,8 @@ def measure(
     plan = plan or Plan()
     room.check(lengths, minutes, plan.indexes)
     walk, run = lengths.speeds()
-    played = [courses.load(name).scaled(walk=walk, run=run) for name in plan.courses]
-    asked = courses.load(queries.COURSE).scaled(walk=walk, run=run)
+    loaded = [courses.load(name) for name in (queries.COURSE, *plan.courses)]
+    asked, *played = (course.scaled(walk=walk, run=run) if walk > 0 else course for course in loaded)
     sources = [(Path(__file__).parents[1] / f"{name}.py").read_bytes() for name in SOURCES]
     shared = {
         "lengths": lengths.facts(),
@@ -192,7 +192,7 @@ def of_length(
     for row in queries.table(
         database,
         count=plan.queries,
-        indexes=[name for name in plan.indexes if _searches(database, name)],
+        indexes=[name for name in search.names(database.schema) if name in plan.indexes],
         repeats=plan.repeats,
         course=asked,
         progress=progress,
@@ -208,11 +208,6 @@ def of_length(
     system["unseen_cm"] = float("nan") if unseen is None else float(to_nearest(database, unseen).mean())
     system["found_cm"] = found_cm(database, asked, plan.queries)
     return rows, system
-
-
-def _searches(database: Database, name: str) -> bool:
-    """Whether an index can search a schema's cost."""
-    return database.schema.euclidean or name in ("brute", "exact", "two-phase")
 
 
 def found_cm(database: Database, asked: Course, count: int) -> float:

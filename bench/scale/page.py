@@ -49,7 +49,9 @@ SYSTEMS = (
 def save(found: Scale, folder: Path, *, command: str) -> list[Path]:
     """Write the tables, their JSON, the pictures and the page, all of them or none."""
     contents: dict[str, str | bytes] = {
-        f"{name}.csv": getattr(found, name).to_csv(index=False, lineterminator="\n") for name in TABLES
+        f"{name}.csv": table.to_csv(index=False, lineterminator="\n")
+        for name in TABLES
+        if len(table := getattr(found, name))
     }
     contents["scale.json"] = json.dumps(to_json(found, command=command), indent=1, allow_nan=False) + "\n"
     for name in ("search", "systems"):

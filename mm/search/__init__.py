@@ -28,9 +28,9 @@ _REGISTRY = {
 _ANY_COST = ("brute", "exact", "two-phase")
 
 
-def names() -> list[str]:
-    """Names of the indexes that `build` knows."""
-    return list(_REGISTRY)
+def names(schema: Any = None) -> list[str]:
+    """Names of the indexes that `build` knows; given a schema, of those that can search its cost."""
+    return [name for name in _REGISTRY if schema is None or schema.euclidean or name in _ANY_COST]
 
 
 def build(
@@ -61,7 +61,7 @@ def build(
     """
     if name not in _REGISTRY:
         raise UserError(f"no search index {name!r}", remedy=f"choose one of {', '.join(_REGISTRY)}")
-    if schema is not None and not schema.euclidean and name not in _ANY_COST:
+    if name not in names(schema):
         raise UserError(
             f"search index {name!r} cannot search the cost of this schema, which is not squared Euclidean",
             remedy=f"use one of {', '.join(_ANY_COST)}, or make all residuals squared",
