@@ -13,6 +13,7 @@ from PIL import Image
 from mm.recording import Recording
 from motion import gltf, kinematics, sources
 from viewer.cli import main
+from viewer.offscreen import DRAWABLE
 
 
 def run(*args: object) -> Result:
@@ -70,6 +71,11 @@ def test_a_database_beside_a_run_only_explains_it(files: Path, tmp_path: Path) -
     assert result.exit_code == 0, result.output
     result = run(*args, "--systems", "mm", "--offscreen", tmp_path / "b.png", "--from", "0.4", "--ghost")
     assert result.exit_code == 0, result.output  # the run and who is driven: two
+
+
+def test_all_that_can_be_drawn_is_told_of() -> None:
+    said = run("--help").output
+    assert all(f"\n    {name} " in said or f"\n  {name} " in said for name in DRAWABLE)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from features.terrain import Ground, flat
 from mm import recording
 from mm.course import Course
-from mm.database import Database
 from mm.driver import Driver
 from mm.recording import Recording
 from mm.runs import fitted
@@ -136,9 +135,3 @@ def _contacts(show: Recorded) -> NDArray[np.uint8] | None:
         return contacts.contacts(show.clip())
     except UserError:
         return None
-
-
-def offset_and_scale(data: Data) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """By which a database's features are normalised, [F] each."""
-    of = data if isinstance(data, Database) else data.description
-    return of.offset, of.scale

@@ -24,7 +24,7 @@ SIZE, CELL = (1280, 720), (200, 400)
 LARGEST = 8192
 RATES = {".gif": 25.0}
 VIEWS, CAMERAS = ("front", "side", "quarter", "back"), ("follow", "orbit", "fixed")
-COURSE, SHOWN, NOTHING = "thesis", ("trajectory", "panel"), "none"
+COURSE, USUAL, NOTHING = "thesis", ("trajectory", "panel"), "none"
 ROOM = 1.35  # by which the camera stands back where pictures are narrow and have panels
 PAST = 0.1  # seconds that are driven beyond the time of a picture
 EXPORTS = (".bvh", ".glb", ".rec")
@@ -206,7 +206,7 @@ def _check(
     from motion import files
 
     from . import film
-    from .offscreen import SHOWN as KNOWN
+    from .offscreen import DRAWABLE
 
     form = film.suffix(offscreen) if offscreen else None
     if seen["filmstrip"] and form != ".png":
@@ -218,8 +218,8 @@ def _check(
     if form == ".mp4":
         film.check_mp4()
     for name in seen["show"] or ():
-        if name not in KNOWN and name != NOTHING:
-            raise UserError(f"nothing is called {name!r} that could be shown", remedy=_choices(KNOWN))
+        if name not in DRAWABLE and name != NOTHING:
+            raise UserError(f"nothing is called {name!r} that could be shown", remedy=_choices(DRAWABLE))
 
 
 def _until(seen: Any, outputs: list[str]) -> float | None:
@@ -287,7 +287,7 @@ def _draw(
     if ghost and len(members) != 2:
         raise UserError(f"a ghost among {len(members)}", remedy="give two, or name two --systems")
     runs = [each for each in members if each.run is not None]
-    shown = [name for name in (SHOWN if show is None and runs else show or ()) if name != NOTHING]
+    shown = [name for name in (USUAL if show is None and runs else show or ()) if name != NOTHING]
     if filmstrip and show is None:
         shown = []
     panels = not filmstrip and bool(set(shown) & set(PARTS))

@@ -12,14 +12,14 @@ from features.terrain import Ground, flat
 
 from . import layers, panel, scene, views
 from .cast import Member
-from .layers import Moment, ghost, samples
+from .layers import Moment, ghost, terrain
 from .scene import Layer, Theme
 from .stage import Marks, Stage
 from .views import View
 
 Image = NDArray[np.uint8]
 
-SHOWN = {**{name: about for name, (about, _) in layers.DRAWN.items()}, **panel.PARTS}
+DRAWABLE = {**{name: about for name, (about, _) in layers.DRAWN.items()}, **panel.PARTS}
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Look:
 
     Attributes
     ----------
-    shown : of `SHOWN`, by name.
+    shown : of `DRAWABLE`, by name.
     names : whether names stand above them.
     apart : each in a picture of its own, side by side; otherwise all in one.
     ghost : the second one stands in the first one's place, clear.
@@ -77,7 +77,7 @@ def marks_of(member: Member, shown: Sequence[str], *, over: Member | None = None
 def _terrain(member: Member, ground: Ground) -> scene.Surface:
     """As much of a ground as a member walks on."""
     roots = member.timeline.stack("positions")[:, 0, [0, 2]].astype(np.float64)
-    return samples.surface(ground, np.nanmin(roots, axis=0), np.nanmax(roots, axis=0))
+    return terrain.surface(ground, np.nanmin(roots, axis=0), np.nanmax(roots, axis=0))
 
 
 def filmed(

@@ -88,12 +88,7 @@ class Gauge:
         timeline, found = self.member.timeline, []
         now = timeline.step_at(time) - self._first
         past = slice(max(0, now + 1 - round(HISTORY * timeline.fps)), now + 1)
-        for name, what, decimals in (
-            ("cost", "cost", 2),
-            ("speed", "speed", 2),
-            ("skate", "skate", 1),
-            ("step", "step", 2),
-        ):
+        for name, decimals in (("cost", 2), ("speed", 2), ("skate", 1), ("step", 2)):
             values = self._curves[name]
             # How feet skate is told by how high they are above level ground.
             if not np.isfinite(values).any() or (name == "skate" and self.member.ground is not flat):
@@ -105,7 +100,7 @@ class Gauge:
             beside = asked[past] if np.isfinite(asked).any() else None
             value = f"{value} {curves.UNITS[name]}".strip()
             top = max(_TOPS[name], float(np.nanquantile(values, 0.99)))
-            found.append(Row(what, value, values[past], beside, top))
+            found.append(Row(name, value, values[past], beside, top))
         return found
 
 
@@ -118,7 +113,7 @@ def _shares(moment: Moment) -> list[Bar]:
                 name = names[k] if names is not None else f"expert {k + 1}"
                 shade = colours.PREDICTED if names is not None else colours.GROUND
                 found.append(Bar(name, float(share), f"{share:.0%}", shade))
-    return found[: MOST_BARS + len(GAITS)]
+    return found
 
 
 def _costs(moment: Moment) -> list[Bar]:

@@ -10,6 +10,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from features.terrain import Ground
 from lmm import models, pretrained
 from lmm import run as of_models
@@ -237,6 +240,12 @@ def _check(found: Sources, where: Mapping[int, str]) -> None:
 def origin(data: Data) -> str:
     """The fingerprint that runs on a database bear, be it compressed or not."""
     return data.fingerprint if isinstance(data, Database) else data.description.fingerprint
+
+
+def offset_and_scale(data: Data) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """By which a database's features are normalised, [F] each."""
+    of = data if isinstance(data, Database) else data.description
+    return of.offset, of.scale
 
 
 def _fits(model: AnyModel, data: Data) -> bool:

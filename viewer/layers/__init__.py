@@ -7,7 +7,7 @@ not recorded. A stage puts them where the character stands (`placed`).
 from collections.abc import Callable, Mapping, Sequence
 
 from ..scene import Layer
-from . import candidates, contacts, features, samples, trajectory
+from . import candidates, contacts, features, terrain, trajectory
 from .moment import Moment
 from .placing import placed
 
@@ -26,7 +26,7 @@ DRAWN: dict[str, tuple[str, Callable[[Moment], Drawn]]] = {
     "contacts": ("feet that touch, and feet that are held", contacts.touching),
     "candidates": ("what the last search might have chosen, green to red by cost", candidates.ways),
     "boxes": ("the boxes of 16 frames around them, as a search tells them apart", candidates.boxes),
-    "samples": ("where the ground's height is asked for", samples.of_ground),
+    "samples": ("where the ground's height is asked for", terrain.samples),
 }
 
 

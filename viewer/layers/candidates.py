@@ -6,11 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from features import normalise
+from features.trajectory import points_to_world
 from mm.search.aabb import SMALL
 
-from ..cast import offset_and_scale
 from ..explain import Candidate
 from ..scene import Floats, Labels, Layer, Lines
+from ..sources import offset_and_scale
 from . import colours
 from .moment import Moment, Root
 
@@ -84,6 +85,4 @@ def _lines(lines: list[Array], shades: Floats, width: float) -> Lines:
 
 
 def _placed(points: Array, root: Root) -> Array:
-    from features.trajectory import points_to_world
-
     return points_to_world(points, root.position, np.array(root.yaw))

@@ -12,8 +12,9 @@ from features import normalise, trajectory
 from features.schema import Schema
 from motion import kinematics, quat
 
-from ..cast import Member, offset_and_scale
+from ..cast import Member
 from ..explain import Explanation, step_of
+from ..sources import offset_and_scale
 from ..timeline import Instant
 
 Array = NDArray[np.floating]

@@ -1,4 +1,4 @@
-"""Terrain: where the ground's height is asked for, as by networks that see it; and the ground itself."""
+"""Uneven ground, and where its height is asked for, as by networks that see it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MARGIN = 5.0  # metres around what is walked on
 _LINE, _DARK = 0.5, 0.82  # metres of a square, and how much darker every other one is
 
 
-def of_ground(moment: Moment) -> dict[str, Layer]:
+def samples(moment: Moment) -> dict[str, Layer]:
     """On the ground under a trajectory's samples, and 25 cm to their sides (REFERENCE 4.2)."""
     if "trajectory" not in moment.record:
         return {}
