@@ -10,13 +10,13 @@ from typing import Any
 import click
 
 from mm import options
-from motion import console, files
-from motion.errors import UserError
+from motion import console
 
+from .compare_cli import compare
 from .data.cli import data
 from .driven import courses
 from .memory.cli import memory
-from .options import CODECS, MODELS, Listed, check_models, check_outputs, load, note, open_database
+from .options import MODELS, Listed, check_models, check_outputs, load, note, open_database
 from .recall import search
 from .scale.cli import scale
 
@@ -24,110 +24,6 @@ from .scale.cli import scale
 @console.group("bench", "Numbers to trust: memory, cost per frame, motion quality, search, crowds, reading.")
 def main() -> None:
     pass
-
-
-@main.command(
-    epilog="Example: python -m bench compare clips/ --courses thesis,circle --indexes exact -o report"
-)
-@click.argument("sources", nargs=-1, required=True, type=click.Path())
-@click.option(
-    "--courses", type=Listed(), metavar="A,B", help="Names or TOML files.  [default: seven of them]"
-)
-@click.option("--systems", type=Listed(), metavar="A,B", help="Names, families or patterns: mm, mm-*-free.")
-@click.option(
-    "--indexes", type=Listed(), metavar="A,B", help="Search indexes of motion matching.  [default: all]"
-)
-@MODELS
-@CODECS
-@click.option(
-    "--seconds", type=console.SECONDS, default=40.0, show_default=True, help="Of each course, at most."
-)
-@click.option(
-    "--seed", type=click.IntRange(0, 2**32 - 1), help="Of the random user.  [default: the course's own]"
-)
-@click.option(
-    "--scale/--no-scale", default=True, show_default=True, help="Bring course speeds to the data's."
-)
-@options.on_heights
-@click.option("-o", "--output", type=click.Path(), metavar="DIR", help="Write tables and report there.")
-@options.building
-@console.json_option
-def compare(
-    sources: tuple[str, ...],
-    courses: tuple[str, ...] | None,
-    systems: tuple[str, ...] | None,
-    indexes: tuple[str, ...] | None,
-    models: tuple[str, ...],
-    codecs: tuple[str, ...],
-    seconds: float,
-    seed: int | None,
-    scale: bool,
-    heights: str | None,
-    heights_spacing: float | None,
-    output: str | None,
-    as_json: bool,
-    **chosen: Any,
-) -> None:
-    """Memory, cost per frame and motion quality of every system over every course.
-
-    SOURCES are clips and folders, or one database. With -o the folder gets summary.csv, summary.json,
-    courses.csv and report.html, and the database where one was built. Systems that end in -free do not
-    hold the feet; where the skeleton lacks a joint of a leg only they run.
-
-    With --model networks take the place of stages of motion matching, in all seven ways: lmm-PSD is learned
-    projection, stepping and decompression, lmm-D the decompressor alone; lmm-D-free, by that name, does not
-    hold the feet. A phase-functioned network runs as pfnn-cubic, pfnn-linear and pfnn-constant, a
-    mode-adaptive one as mann-4, by its experts. lmm-PSD-bf16 and the like, by that name, multiply bfloat16
-    numbers as crowds may (`bench crowd`), where the processor can; -fp32, -fp16, -int8 hold weights as such.
-
-    Compressed databases run as mm-exact-quantised-11 and the like, by name, by pattern or with --codecs; with
-    features of 8 bits as mm-coded-CODEC, too. With such systems or models every system's poses are held
-    against those of the data, and those of mm-exact (or mm-exact-free, where only such run) under the same
-    commands.
-
-    With --heights all walk on uneven ground as with `mm run`; heights of feet are then those above what is
-    beneath them, and how deep feet sink into the ground and how high they hover over it is told, too.
-    """
-    from mm import course as known_courses
-
-    from . import compare as comparing
-    from . import report
-    from . import systems as registry
-
-    folder = None if output is None else Path(output)
-    if folder is not None:
-        _check_folder(folder, (*sources, *models, *codecs, *filter(None, [heights])), chosen)
-    # Faults in what was asked for come before the work, not after it.
-    ground = options.heightmap(heights, heights_spacing)
-    learned = registry.load_models(models) if models else {}
-    registry.choose(systems, indexes=indexes, models=learned, codecs=codecs)
-    loaded = [known_courses.load(name) for name in courses or comparing.COURSES]
-    database, name = open_database(sources, folder and folder / "database.mmdb", chosen)
-    check_models(learned, models, database)
-    result = comparing.compare(
-        database,
-        courses=loaded,
-        systems=systems,
-        indexes=indexes,
-        models=learned,
-        codecs=codecs,
-        seconds=seconds,
-        seed=seed,
-        scale=scale,
-        ground=ground,
-        name=name,
-        progress=True,
-    )
-    command = shlex.join(["python", "-m", "bench", *sys.argv[1:]])
-    if as_json:
-        console.print_json(report.to_json(result, command=command))
-    else:
-        console.print_table(report.brief(result.summary), title=f"{name}: means over {len(loaded)} courses")
-        for note in result.notes:
-            print(f"note: {note}")
-    if folder is not None:
-        for path in report.save(result, folder, command=command):
-            print(f"wrote {path}", file=sys.stderr)
 
 
 @main.command(epilog="Example: python -m bench crowd walk.mmdb --counts 1,256,1024")
@@ -462,18 +358,9 @@ def thesis(
             print(f"wrote {path}", file=sys.stderr)
 
 
+main.add_command(compare)
 main.add_command(courses)
 main.add_command(data)
 main.add_command(memory)
 main.add_command(scale)
 main.add_command(search)
-
-
-def _check_folder(folder: Path, sources: tuple[str, ...], chosen: dict[str, Any]) -> None:
-    """A UserError unless the reports can be written, over nothing that is read."""
-    if files.kind(folder) not in (None, "folder"):
-        raise UserError("cannot write: it is a file", path=folder, remedy="name a folder")
-    inputs = [s for s in sources if files.kind(s) == "file"]
-    for name in ("database.mmdb", "summary.csv", "summary.json", "courses.csv", "report.html"):
-        others = inputs if name != "database.mmdb" else ()
-        files.check_output(folder / name, inputs=[*options.inputs(chosen), *others])

@@ -1,46 +1,47 @@
-"""The comparison: every system over every course, one row each, and one row a system."""
+"""The comparison: every system over every course and seed, one row each, and one row a system."""
 
 from __future__ import annotations
 
-import contextlib
-import hashlib
 import math
-from collections import deque
+import os
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from features import terrain
-from features.terrain import Ground, Heightmap
+from features.terrain import Heightmap
 from mm import course as courses_
-from mm import quality, recording, speeds
+from mm import quality, speeds
 from mm.control import System
 from mm.course import Course
 from mm.database import Database
-from mm.driving import COURSES, SECONDS, Again, Clock, Diverged, Replay, natural_seconds
+from mm.driving import COURSES, SECONDS
 from mm.grounded import on_ground
-from mm.nearness import RealPoses, difference
-from motion import console
+from motion import console, files
 from motion.errors import UserError
 
-from . import timing
-from .entry import Entry, as_stored, called
+from . import crowd as crowds
+from . import intervals, kept, published, timing, verdict
+from .entry import Entry, as_stored
+from .kept import Kept
 from .pose_error import PoseErrors, held_by_all
+from .runs import OnCourse, Run, Variant, Yardstick
 from .systems import choose, without_legs
 
 if TYPE_CHECKING:
     from lmm.models import AnyModel
 
-TIMED_SECONDS, REPEATS = 5.0, 3
-WORST = ("pop_cm", "path_max_cm", "stall_s")  # a system's row has the largest, of other metrics the mean
+TIMED_SECONDS, REPEATS = 5.0, 3  # of each course, and how often the clock runs over them
+WORST = ("pop_cm", "path_max_cm", "stall_s")  # a row of several runs has the largest, of others the mean
 DATA = "(the clips)"
-NEAR_SECONDS = 0.5  # by which two walks may be out of step
-KEPT = 8  # ways of a course, the last ones, that are tried before the driver is asked
+_SURE = re.compile(r"memory_|pose_|(?!frame_mean).*_us$")  # columns that have no interval
+IN_CROWDS = ("PSD", "constant")  # ways of models that stand for all others where crowds are measured
 
 
 @dataclass(eq=False)
@@ -49,16 +50,26 @@ class Comparison:
 
     Attributes
     ----------
-    summary : a row a system, and a first one for the clips themselves; columns end in their unit.
-    courses : a row a system and course.
-    traces : what the plots need, one a row of `courses`.
+    summary : a row a system, and a first one for the clips themselves; columns end in their unit. NAME_ci95
+        is half the width of the 95 % interval of the column NAME (see `bench.intervals`), where it has one.
+    courses : a row a system and course, means over the seeds.
+    traces : what the plots need, one a row of `courses`, of its first seed; none where that one broke.
     played : the courses as they were played, scaled.
     feet : indices of the foot joints.
     notes : what a reader must know: what was scaled, what was left out.
-    database : name, fingerprint, size and speeds of the data.
+    database : name, fingerprint, size and speeds of the data, and what of the run was asked for.
     models : what the learned systems are made of: fingerprint, size and training by name.
     machine : see `bench.timing.machine`.
     ground : what all walked on, None where that was level.
+    runs : a row a system, course and seed; broke is 1 where poses were no numbers any more, 0 elsewhere.
+        Costs are of the first seed alone.
+    differences : of each quality metric, what each system has more than `verdict.reference`, and whether that
+        is significant: see `bench.intervals.differences`.
+    crowd : a row a system and number of characters: see `bench.crowd.of_entries`; empty where none was asked.
+    published : memory, microseconds and training of the sources' systems, and ours beside them: see
+        `bench.published.beside`.
+    verdict : the answer in words: see `bench.verdict.Verdict`.
+    code : hash of the source that measured.
     """
 
     summary: pd.DataFrame
@@ -71,6 +82,17 @@ class Comparison:
     models: dict[str, dict[str, Any]] = field(default_factory=dict)
     machine: dict[str, str] = field(default_factory=timing.machine)
     ground: Heightmap | None = None
+    runs: pd.DataFrame = field(default_factory=pd.DataFrame)
+    differences: pd.DataFrame = field(default_factory=pd.DataFrame)
+    crowd: pd.DataFrame = field(default_factory=pd.DataFrame)
+    published: pd.DataFrame = field(default_factory=pd.DataFrame)
+    verdict: verdict.Verdict = field(default_factory=verdict.Verdict)
+    code: str = field(default_factory=kept.code)
+
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """All tables by name that have rows."""
+        names = ("summary", "courses", "runs", "differences", "crowd", "published")
+        return {name: table for name in names if len(table := getattr(self, name))}
 
 
 def compare(
@@ -84,9 +106,15 @@ def compare(
     seconds: float = SECONDS,
     timed_seconds: float = TIMED_SECONDS,
     seed: int | None = None,
+    repeats: int = 1,
+    crowd: Sequence[int] = (),
+    crowd_systems: Sequence[str] | None = None,
+    crowd_seconds: float = TIMED_SECONDS,
     scale: bool = True,
     ground: Heightmap | None = None,
     name: str = "",
+    work: str | os.PathLike[str] | None = None,
+    training_hours: Mapping[str, float] | None = None,
     progress: bool = False,
 ) -> Comparison:
     """Drive every system over every course, and measure memory, time and motion.
@@ -104,21 +132,34 @@ def compare(
     indexes : search indexes of motion matching; all when None.
     models : trained ones by name (see `bench.learned`). codecs : those of databases (see `bench.small`).
         With either every system's poses are held against those of motion matching and of the data (see
-        `_Yardstick`), and what its Decompression makes of frames against these (`bench.pose_error`).
+        `bench.runs.Yardstick`), and what its Decompression makes of frames against these
+        (`bench.pose_error`).
     timed_seconds : how much of each course the clock runs; the metrics are those of all of it.
     seed : of courses with a random user; their own when None.
+    repeats : seeds of each course, as many as it has (see `bench.runs.Variant`).
+    crowd : numbers of characters of whose crowds the cost is measured. crowd_systems : patterns of those of
+        the systems that do; None is one of each kind: mm-exact, a way of each model, and every codec.
     scale : bring the courses' speeds to those of the data.
     ground : what all walk on; those that do not know of grounds are put on it (`mm.grounded`).
     name : of the database, for the report.
+    work : a folder that keeps what is found, and has what was found before of the same database, models,
+        settings, code and machine: a comparison that was interrupted goes on. The database has to have been
+        saved.
+    training_hours : of models by name, for the table beside what is published.
 
     An unknown course, system or index is a UserError that lists the choices.
     """
     if not (math.isfinite(seconds) and seconds > 0):
         raise UserError(f"{seconds} seconds", remedy="give a number above 0")
+    if repeats < 1:
+        raise UserError(f"{repeats} repeats", remedy="give a number of at least 1")
+    if work is not None and not database.fingerprint:
+        raise UserError("results of a database without a fingerprint cannot be kept", remedy="save it first")
     walk, run = speeds.of_database(database)
-    played = [_prepared(c, walk, run, seed, scale) for c in courses]
+    played = _named_apart([_prepared(c, walk, run, seed, scale) for c in courses])
     why, notes = without_legs(database), []
     chosen = _chosen(systems, indexes, models, codecs, legs=why is None)
+    in_crowds = _in_crowds(chosen, crowd_systems) if crowd else []
     inexact = any(entry.decoder is not as_stored for entry in chosen) or bool(models)
     if why is not None:
         if any(entry.locked for entry in chosen):
@@ -133,47 +174,45 @@ def compare(
     if ground is not None:
         notes.append(f"all walk on {terrain.told(ground.facts())}")
     feet = quality.Feet.of(database)
-    rows, traces = [], []
-    costs: dict[str, list[timing.Cost]] = {}
-    yardstick = _Yardstick(database, ground, legs=why is None) if inexact else None
-    errors = PoseErrors(database, held_by_all(model.held_out for model in (models or {}).values()))
-    runs = [_Runs(course, feet, seconds, yardstick, ground) for course in played]
-    jobs = [(entry, on_course) for entry in chosen for on_course in runs]
-    system: System | None = None
-    built: tuple[Any, ...] = ()
-    absent: set[str] = set()
-    for entry, on_course in console.progress(jobs, label="compare", unit="runs") if progress else jobs:
-        if entry.name in absent:
-            continue
-        course = on_course.course
-        obstacles = course.obstacles()
-        if built != (entry.name, obstacles.tobytes()):
-            try:
-                make = partial(entry.make, database, 1, obstacles=obstacles)
-                system = on_ground(make, ground, sees=entry.sees_ground)
-            except UserError as error:
-                absent.add(entry.name)
-                if len(absent) == len(chosen):
-                    raise
-                notes.append(f"{entry.name} is left out: {error}")
-                continue
-            system.name, built = entry.name, (entry.name, obstacles.tobytes())
-        assert system is not None
-        frames = max(1, round(timed_seconds * system.fps))
-        with timing.single_thread():  # libraries that start threads for one query take longer
-            clock, searched, metrics, trace = on_course.judge(system)
-            cost = timing.frame_cost(system, clock, frames, searched=searched, repeats=REPEATS)
-        row = {"system": entry.name, "course": course.name, "seconds": len(trace.walked) / system.fps}
-        poses = errors.of(entry.decoder) if inexact else {}
-        rows.append(row | memory_mb(system) | cost.microseconds() | poses | metrics)
-        traces.append(trace)
-        costs.setdefault(entry.name, []).append(cost)
-    if ground is not None:
+    held_out = held_by_all(model.held_out for model in (models or {}).values())
+    jobs = _Jobs(
+        database,
+        chosen,
+        [variant for course in played for variant in Variant.of(course, repeats)],
+        feet=feet,
+        seconds=seconds,
+        timed_seconds=timed_seconds,
+        ground=ground,
+        yardstick=Yardstick(database, ground, legs=why is None) if inexact else None,
+        errors=PoseErrors(database, held_out) if inexact else None,
+        kept=Kept(None if work is None else Path(work), _of(database, ground, inexact, sorted(held_out))),
+    )
+    shown = console.progress if progress else console.silent
+    found = jobs.runs(shown)
+    notes += jobs.notes
+    runs = pd.DataFrame([run.row for run in found])
+    traces = [run.trace for run in found if run.trace is not None]
+    if ground is not None and traces:
         notes += _beyond(ground, traces)
-    table = pd.DataFrame(rows)
+    costs: dict[str, list[timing.Cost]] = {}
+    for one in found:
+        if one.cost is not None:
+            costs.setdefault(one.row["system"], []).append(one.cost)
+    summary = _summary(runs, costs, quality.of_data(database, feet, on_ground=ground is not None))
+    there = set(runs["system"])
+    crowded = crowds.of_entries(
+        database,
+        [entry for entry in in_crowds if entry.name in there],
+        counts=crowd or (1,),
+        seconds=crowd_seconds,
+        kept=jobs.kept,
+        progress=shown,
+    )
+    crowd_table = pd.DataFrame(crowded)
+    measured = verdict.Measured(summary[summary["system"] != DATA], runs, crowd_table)
     return Comparison(
-        _summary(table, costs, quality.of_data(database, feet, on_ground=ground is not None)),
-        table,
+        summary,
+        _by_course(runs),
         traces,
         played,
         feet.joints,
@@ -194,10 +233,135 @@ def compare(
             "foot_joints": [database.skeleton.names[j] for j in feet.joints],
             "seconds": seconds,
             "seed": seed,
+            "repeats": repeats,
         },
         {name: _about(model) for name, model in (models or {}).items()},
         ground=ground,
+        runs=runs,
+        differences=measured.differences,
+        crowd=crowd_table,
+        published=pd.DataFrame(published.beside(database, summary, models or {}, training_hours)),
+        verdict=verdict.of(measured),
     )
+
+
+class _Jobs:
+    """All that is to be run: systems on courses."""
+
+    def __init__(
+        self,
+        database: Database,
+        chosen: Sequence[Entry],
+        variants: Sequence[Variant],
+        *,
+        feet: quality.Feet,
+        seconds: float,
+        timed_seconds: float,
+        ground: Heightmap | None,
+        yardstick: Yardstick | None,
+        errors: PoseErrors | None,
+        kept: Kept,
+    ) -> None:
+        self.kept, self.notes = kept, list[str]()
+        self._database, self._ground, self._errors = database, ground, errors
+        self._timed_seconds = timed_seconds
+        courses = [OnCourse(variant, feet, seconds, yardstick, ground) for variant in variants]
+        self._jobs = [(entry, on_course) for entry in chosen for on_course in courses]
+        self._absent: dict[str, str] = {}
+        self._chosen = chosen
+        self._built: tuple[Any, ...] = ()
+        self._system: System | None = None
+
+    def runs(self, progress: Any) -> list[Run]:
+        """The runs in the order of systems, courses and seeds, those that were kept among them."""
+        of = [self._of(*job) for job in self._jobs]
+        found = [self._before(entry, mark) for (entry, _), mark in zip(self._jobs, of, strict=True)]
+        missing = [i for i, run in enumerate(found) if run is None]
+        first = len(found) - len(missing)
+        for i in progress(missing, label="compare", total=len(found), first=first, unit="runs"):
+            found[i] = run = self._run(*self._jobs[i])
+            if run is not None and self._jobs[i][0].made_of is not None:
+                self.kept.keep(of[i], *run.packed())
+        self.notes += [f"{name} is left out: {why}" for name, why in self._absent.items()]
+        out = [run for run in found if run is not None and run.row["system"] not in self._absent]
+        broke = dict.fromkeys(run.row["system"] for run in out if run.row["broke"])
+        self.notes += [f"{name} broke: its poses were no numbers any more on a course" for name in broke]
+        return out
+
+    def _of(self, entry: Entry, on_course: OnCourse) -> dict[str, Any]:
+        """All that a run follows from, but for what `_of` tells of all."""
+        timed = self._timed_seconds if on_course.variant.seed == 0 else 0.0
+        return {
+            "system": entry.name,
+            "made_of": entry.made_of,
+            **on_course.variant.facts(),
+            "seconds": on_course.seconds,
+            "timed_seconds": timed,
+        }
+
+    def _before(self, entry: Entry, of: Mapping[str, Any]) -> Run | None:
+        found = None if entry.made_of is None else self.kept.find(of)
+        return None if found is None else Run.unpacked(*found)
+
+    def _run(self, entry: Entry, on_course: OnCourse) -> Run | None:
+        """None where the database cannot have the system, which is an error where it can have none."""
+        if entry.name in self._absent:
+            return None
+        obstacles = on_course.course.obstacles()
+        if self._built != (entry.name, obstacles.tobytes()):
+            make = partial(entry.make, self._database, 1, obstacles=obstacles)
+            try:
+                self._system = on_ground(make, self._ground, sees=entry.sees_ground)
+            except UserError as error:
+                self._absent[entry.name] = str(error)
+                if len(self._absent) == len(self._chosen):
+                    raise
+                return None
+            self._system.name, self._built = entry.name, (entry.name, obstacles.tobytes())
+        assert self._system is not None
+        system = self._system
+        timed = max(1, round(self._timed_seconds * system.fps)) if on_course.variant.seed == 0 else 0
+        run = on_course.run(system, timed=timed, repeats=REPEATS)
+        named = {
+            name: run.row.pop(name) for name in ("system", "course", "seed", "seconds") if name in run.row
+        }
+        cost = run.cost.microseconds() if run.cost else {}
+        poses = self._errors.of(entry.decoder) if self._errors else {}
+        run.row = named | memory_mb(system) | cost | poses | run.row
+        return run
+
+
+def _of(database: Database, ground: Heightmap | None, inexact: bool, held_out: list[str]) -> dict[str, Any]:
+    """What all results of a comparison follow from."""
+    walked = None if ground is None else files.fingerprint({"heights": ground.heights}, ground.facts())
+    return {
+        "database": database.fingerprint,
+        "ground": walked,
+        "held_against": inexact,
+        "held_out": held_out,
+        "code": kept.code(),
+        "machine": timing.machine(),
+    }
+
+
+def _in_crowds(chosen: Sequence[Entry], patterns: Sequence[str] | None) -> list[Entry]:
+    """Those of the systems whose crowds are measured."""
+    import fnmatch
+
+    if patterns is not None:
+        out = [e for e in chosen if any(fnmatch.fnmatchcase(e.name, p) or e.family == p for p in patterns)]
+        if not out:
+            names = ", ".join(entry.name for entry in chosen)
+            what = f"none of the systems is called {', '.join(patterns)}"
+            raise UserError(what, remedy=f"choose from {names}")
+        return out
+    sources: dict[str, list[Entry]] = {}
+    for entry in chosen:
+        sources.setdefault(entry.source, []).append(entry)
+    return [
+        next((e for e in own if e.way in IN_CROWDS or e.name.startswith("mm-exact")), own[0])
+        for own in sources.values()
+    ]
 
 
 def _beyond(ground: Heightmap, traces: Sequence[quality.Trace]) -> list[str]:
@@ -227,6 +391,18 @@ def _prepared(course: str | Course, walk: float, run: float, seed: int | None, s
     return course.scaled(walk=walk, run=run) if scale and walk > 0 else course
 
 
+def _named_apart(courses: Sequence[Course]) -> list[Course]:
+    """Courses, of which none is called as one before it."""
+    out: list[Course] = []
+    for course in courses:
+        name, count = course.name, 1
+        while name in {other.name for other in out}:
+            count += 1
+            name = f"{course.name} {count}"
+        out.append(course if count == 1 else replace(course, name=name))
+    return out
+
+
 def _chosen(
     systems: Sequence[str | Entry] | None,
     indexes: Sequence[str] | None,
@@ -242,120 +418,6 @@ def _chosen(
     return list(systems)  # type: ignore[arg-type]
 
 
-class _Yardstick:
-    """What the data holds and what motion matching shows, to hold the poses of a system against.
-
-    Poses are compared root-aligned, by the mean distance of their joints in cm:
-
-        real_cm: to the nearest pose of the database, of evenly spread frames of the run;
-        mm_cm: to what mm-exact shows at the same frame under the same commands;
-        mm_near_cm: to the nearest pose that it shows within half a second.
-
-    The commands are those that mm-exact was asked on its own run over the course, and a system gets them
-    again whatever it does with them: so all systems are asked the very same, and held against the same
-    poses. Commands come from where a character is, so that each its own would not be the same; and those of
-    the judged system would be other ones, and easier to match, in every row. Both walk blindly, but poses are
-    not compared by where they are. Two walks that differ in anything are soon out of step, which is most of
-    mm_cm: what the rows of approximate searches have is what being out of step makes.
-    """
-
-    def __init__(self, database: Database, ground: Ground | None, *, legs: bool) -> None:
-        self._database, self.real, self._ground = database, RealPoses(database), ground
-        self._matching = choose([called("mm-exact", legs)])[0]
-
-    def matching(self, course: Course) -> System:
-        """The motion matching that others are held against."""
-        make = partial(self._matching.make, self._database, 1, obstacles=course.obstacles())
-        return on_ground(make, self._ground)
-
-    def matched_cm(self, tape: recording.Recording, matched: recording.Recording) -> dict[str, float]:
-        """Of two runs that were asked the same."""
-        poses, others = _local(tape), _local(matched)
-        window = round(NEAR_SECONDS * tape.fps)
-        return {
-            "mm_cm": float(difference(poses, others).mean()),
-            "mm_near_cm": float(difference(poses, others, window=window).mean()),
-        }
-
-
-def _local(tape: recording.Recording) -> NDArray[np.floating]:
-    """Joints [T, J-1, 3] of the first character in the space of its ground root."""
-    return quality.in_root_space(tape.skeleton, tape["positions"][:, 0], tape["rotations"][:, 0])
-
-
-class _Runs:
-    """The runs of all systems over one course. What was done before is not done again.
-
-    Systems that go the same way are asked the same (see `mm.driving.Again`), and those that show the same
-    poses are judged once: exact indexes all find the same frames.
-    """
-
-    def __init__(
-        self,
-        course: Course,
-        feet: quality.Feet,
-        seconds: float,
-        yardstick: _Yardstick | None,
-        ground: Ground | None,
-    ) -> None:
-        self.course, self._feet, self._seconds = course, feet, min(seconds, natural_seconds(course))
-        self._yardstick, self._ground = yardstick, ground
-        self._matched: tuple[Clock, recording.Recording] | None = None
-        self._ways: deque[Clock] = deque(maxlen=KEPT)
-        self._judged: dict[bytes, tuple[dict[str, float], quality.Trace]] = {}
-
-    def judge(
-        self, system: System
-    ) -> tuple[Clock, NDArray[np.bool_] | None, dict[str, float], quality.Trace]:
-        """Drive a system: what it was asked, which steps searched (if it tells), its metrics and trace."""
-        if self._yardstick and self._matched is None:
-            self._matched = self._drive(self._yardstick.matching(self.course))
-        clock, tape = self._drive(system)
-        key = hashlib.blake2b()
-        for name in ("positions", "rotations", "transition"):
-            if name in tape.arrays:
-                key.update(tape[name].tobytes())
-        if key.digest() not in self._judged:
-            self._judged[key.digest()] = self._judge(system, clock, tape)
-        metrics, trace = self._judged[key.digest()]
-        searched = np.any(tape["searched"], axis=1) if "searched" in tape.arrays else None
-        return clock, searched, metrics, replace(trace, system=system.name)
-
-    def _judge(
-        self, system: System, clock: Clock, tape: recording.Recording
-    ) -> tuple[dict[str, float], quality.Trace]:
-        metrics, trace = quality.judge(
-            tape.arrays,
-            system.skeleton,
-            system.fps,
-            self._feet,
-            tape.path,
-            course=self.course.name,
-            ground=self._ground,
-        )
-        if self._yardstick and self._matched:
-            asked, matched = self._matched
-            again = tape if clock is asked else self._record(system, Replay(asked))
-            metrics |= {"real_cm": self._yardstick.real.of_run(tape)}
-            metrics |= self._yardstick.matched_cm(again, matched)
-        return metrics, trace
-
-    def _drive(self, system: System) -> tuple[Clock, recording.Recording]:
-        for before in reversed(self._ways):
-            if (before.count, before.fps) != (system.count, system.fps):
-                continue
-            with contextlib.suppress(Diverged):
-                return before, self._record(system, Again(before))
-        clock = Clock(self.course, system.count, system.fps)
-        self._ways.append(clock)
-        return clock, self._record(system, clock)
-
-    def _record(self, system: System, clock: Clock) -> recording.Recording:
-        return recording.record(
-            system, self.course, seconds=self._seconds, driver=clock, progress=console.silent
-        )
-
-
 def memory_mb(system: System) -> dict[str, float]:
     """Memory by part, MB of 10^6 bytes, and their sum."""
     parts = {name: nbytes / 1e6 for name, nbytes in system.memory().items()}
@@ -364,18 +426,33 @@ def memory_mb(system: System) -> dict[str, float]:
     }
 
 
-def _summary(
-    table: pd.DataFrame, costs: dict[str, list[timing.Cost]], data: dict[str, float]
-) -> pd.DataFrame:
-    """A row a system: means over the courses, the largest pop, and the cost over all timed frames."""
+def _by_course(runs: pd.DataFrame) -> pd.DataFrame:
+    """A row a system and course: means over the seeds, of `WORST` the largest."""
+    groups = runs.drop(columns="seed").groupby(["system", "course"], sort=False)
+    table = groups.mean()
+    worst = [column for column in WORST if column in table]
+    table[worst] = groups[worst].max()
+    return table.reset_index()
+
+
+def _summary(runs: pd.DataFrame, costs: dict[str, list[timing.Cost]], data: dict[str, float]) -> pd.DataFrame:
+    """A row a system: means over the courses with their intervals, the largest pop, and the cost over all
+    timed frames."""
+    table = _by_course(runs)
+    metrics = [c for c in table.columns[2:] if c not in (*WORST, "seconds", "broke") and not _SURE.match(c)]
     rows: list[dict[str, Any]] = [{"system": DATA} | data] if data else []
     for name, group in table.groupby("system", sort=False):
+        own = runs[runs["system"] == name]
         numbers = group.drop(columns=["system", "course"])
-        row = numbers.mean().to_dict() | {key: numbers[key].max() for key in WORST}
-        row["seconds"] = numbers["seconds"].sum()
-        cost = timing.Cost.joined(costs[str(name)])
-        rows.append({"system": name, "courses": len(group)} | row | cost.microseconds())
-    columns = ["system", "courses", *table.columns[2:]]
+        row = numbers.mean().to_dict() | {key: numbers[key].max() for key in WORST if key in numbers}
+        row["seconds"] = own["seconds"].sum()
+        if str(name) in costs:
+            row |= timing.Cost.joined(costs[str(name)]).microseconds()
+        for metric in metrics:
+            found = intervals.of_runs(own, metric)
+            row[f"{metric}{intervals.CI}"] = math.nan if found.nothing else found.half
+        rows.append({"system": name, "courses": len(group), "runs": len(own)} | row)
+    columns = ["system", "courses", "runs", *table.columns[2:], *(f"{m}{intervals.CI}" for m in metrics)]
     return pd.DataFrame(rows).reindex(columns=columns)
 
 

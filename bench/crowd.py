@@ -1,8 +1,12 @@
-"""What a character costs in a crowd: microseconds a character and frame by number of characters."""
+"""What a character costs in a crowd: microseconds a character and frame by number of characters.
+
+`measure` looks at stages, and at frames with and without search; `of_entries` at any systems that there are.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import contextlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -20,7 +24,8 @@ from motion import console
 from motion.errors import UserError
 
 from . import timing
-from .entry import called
+from .entry import Entry, called
+from .kept import NOTHING, Kept
 from .learned import ENDINGS
 from .systems import without_legs
 
@@ -28,6 +33,9 @@ if TYPE_CHECKING:
     from lmm.models import AnyModel
 
 NEVER = 1e6  # seconds between searches, metres a second per second: none but at a clip's end
+COUNTS = (1, 16, 256, 1024, 4096)
+# Frames of large crowds are many characters' each: so many characters' frames in all, but some searches.
+SHARED_FRAMES, FEWEST, WARM = 60_000, 24, 3
 
 
 def measure(
@@ -111,8 +119,70 @@ def _systems(
     return {called(name, locked): ways for name, ways in systems.items()}
 
 
-def cost(system: System, course: Course, frames: int, repeats: int) -> timing.Cost:
-    """What so many frames of a system take whose characters are spread over a course."""
+def cost(system: System, course: Course, frames: int, repeats: int, **options: Any) -> timing.Cost:
+    """What so many frames of a system take whose characters are spread over a course; options are those of
+    `timing.frame_cost`."""
     clock = Clock(course, system.count, system.fps, spread=True)
     next(frame for frame in drive(system, clock) if frame == frames)
-    return timing.frame_cost(system, clock, frames, repeats=repeats)
+    return timing.frame_cost(system, clock, frames, repeats=repeats, **options)
+
+
+def of_entries(
+    database: Database,
+    entries: Sequence[Entry],
+    *,
+    counts: Sequence[int] = COUNTS,
+    seconds: float = 5.0,
+    repeats: int = 3,
+    kept: Kept = NOTHING,
+    progress: Callable[..., Iterator[Any]] = console.silent,
+) -> list[dict[str, Any]]:
+    """A row a system and count: microseconds a character and frame, one pinned thread, warm.
+
+    us, median_us, p99_us: mean, median and 99th percentile of frames, searches included, of each the least of
+    the repeats;
+    least_us, most_us: means of the fastest and of the slowest repeat, which tell what else the machine did;
+    frames: how many were timed, the fewer the larger the crowd. Characters are spread over a random user's
+    script. A system that cannot be, or breaks, has no row; what is kept is not measured again.
+    """
+    if not counts or min(counts) < 1:
+        raise UserError(f"counts {list(counts)}", remedy="give numbers of at least 1, as 1,16,256")
+    course = at_data_speeds(courses.load("random"), database)
+    jobs = [(entry, count) for entry in entries for count in counts]
+    rows: dict[tuple[str, int], dict[str, Any]] = {}
+    missing = []
+    for entry, count in jobs:
+        frames = max(FEWEST, min(round(seconds * database.fps), SHARED_FRAMES // count))
+        of: dict[str, Any] = {"crowd": entry.name, "made_of": entry.made_of, "characters": count}
+        of |= {"frames": frames, "repeats": repeats, "played": course.to_dict()}
+        before = None if entry.made_of is None else kept.find(of)
+        if before is None:
+            missing.append((entry, count, frames, of))
+        else:
+            rows[entry.name, count] = before[0]
+    done = len(jobs) - len(missing)
+    for entry, count, frames, of in progress(
+        missing, label="crowds", total=len(jobs), first=done, unit="crowds"
+    ):
+        with contextlib.suppress(UserError):
+            row = _row(entry.make(database, count), entry.name, course, frames, repeats)
+            rows[entry.name, count] = row
+            if entry.made_of is not None:
+                kept.keep(of, row, {})
+    return [rows[entry.name, count] for entry, count in jobs if (entry.name, count) in rows]
+
+
+def _row(system: System, name: str, course: Course, frames: int, repeats: int) -> dict[str, Any]:
+    with timing.single_thread():
+        found = cost(system, course, frames, repeats, warm=WARM, stages=False)
+    each = 1e6 / system.count
+    return {
+        "system": name,
+        "characters": system.count,
+        "us": float(each * found.whole.mean()),
+        "median_us": float(each * np.median(found.whole)),
+        "p99_us": float(each * np.percentile(found.whole, 99)),
+        "least_us": float(each * found.means.min()),
+        "most_us": float(each * found.means.max()),
+        "frames": len(found.whole),
+    }

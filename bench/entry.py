@@ -39,7 +39,8 @@ class Entry:
     how a model runs (letters of learned stages, or a network's mode), and what its weights are held as. alone
     : whether the source is all that it is made of, so that `make` takes None for a database. sees_ground :
     whether `make` takes a ground, too, for which its poses are made; other systems are put on it
-    (`mm.grounded.on_ground`).
+    (`mm.grounded.on_ground`). made_of : what it is of besides the database and this program, a fingerprint or
+    a name; None where that is not known, and results of it are not kept (`bench.kept`).
     """
 
     name: str
@@ -54,6 +55,7 @@ class Entry:
     weights: str | None = None
     alone: bool = False
     sees_ground: bool = False
+    made_of: str | None = None
 
     @property
     def family(self) -> str:

@@ -70,6 +70,7 @@ def learned(models: Mapping[str, AnyModel]) -> list[Entry]:
                         weights=weights,
                         alone=alone,
                         sees_ground=not isinstance(model, Model) and model.sees_ground,
+                        made_of=model.fingerprint or None,
                     )
                 )
     return out

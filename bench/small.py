@@ -63,6 +63,7 @@ def compressed(codecs: Sequence[str] | None = None) -> list[Entry]:
                     decoder=source.poses,
                     source=given,
                     alone=source.is_file,
+                    made_of=source.made_of,
                 )
             )
     return out
@@ -76,7 +77,9 @@ class _Source:
 
         self._given, self._last = given, last
         self.is_file = files.kind(given) == "file"
-        self.codec = Compressed.load(given).codec if self.is_file else parse(given)
+        stored = Compressed.load(given) if self.is_file else None
+        self.codec = stored.codec if stored else parse(given)
+        self.made_of = stored.fingerprint if stored else self.codec.whole_name
         self.title = Path(given).stem if self.is_file else self.codec.whole_name
 
     def indexes(self) -> tuple[str, ...]:

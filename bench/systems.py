@@ -55,6 +55,7 @@ def motion_matching(indexes: Iterable[str] | None = None) -> list[Entry]:
             partial(_controller, index, locked, shared),
             f"motion matching, index {index}, feet {'locked' if locked else 'as they come'}",
             locked,
+            made_of="",
         )
         for index in chosen
         for locked in (True, False)

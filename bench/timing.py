@@ -9,7 +9,7 @@ import platform
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import metadata
 from typing import Any
 
@@ -52,22 +52,27 @@ class Cost:
     """Seconds of every frame, [T]: the whole step, and each stage in a run of its own.
 
     The stages' timers cost time themselves, hence other runs for them. A run does the same again, frame by
-    frame, so what a frame costs is the least of several runs: what else the machine did is not counted.
+    frame, so what a frame costs is the least of several runs: what else the machine did is not counted. How
+    much that was is seen by means, those of the whole step of each run [R].
     """
 
     whole: NDArray[np.float64]
     stages: dict[str, NDArray[np.float64]]
     searched: NDArray[np.bool_]
+    means: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
 
     def microseconds(self) -> dict[str, float]:
-        """The columns of the table: median, mean and p99 of the frame; the mean of each stage, and the median
-        of the projection over the frames that searched (one in six) as search_us."""
+        """The columns of the table: median, mean and p99 of the frame, and how far the means of the runs are
+        apart as frame_spread_us; the mean of each stage, and the median of the projection over the frames
+        that searched (one in six) as search_us."""
         whole = 1e6 * self.whole
         row = {
             "frame_us": float(np.median(whole)),
             "frame_mean_us": float(whole.mean()),
             "frame_p99_us": float(np.percentile(whole, 99)),
         }
+        if len(self.means):
+            row["frame_spread_us"] = float(1e6 * np.ptp(self.means))
         row |= {f"{name.replace(' ', '_')}_us": float(1e6 * t.mean()) for name, t in self.stages.items()}
         if "projection" in self.stages and self.searched.any():
             row["search_us"] = float(1e6 * np.median(self.stages["projection"][self.searched]))
@@ -80,6 +85,7 @@ class Cost:
             np.concatenate([cost.whole for cost in costs]),
             {name: np.concatenate([cost.stages[name] for cost in costs]) for name in costs[0].stages},
             np.concatenate([cost.searched for cost in costs]),
+            np.mean([cost.means for cost in costs], axis=0),
         )
 
 
@@ -91,25 +97,27 @@ def frame_cost(
     searched: NDArray[np.bool_] | None = None,
     warm: int = 30,
     repeats: int = 3,
+    stages: bool = True,
 ) -> Cost:
     """Time a system that gets the first so many commands of a `mm.driving.Clock` again, step after step.
 
-    First whole steps, then stages, where the system tells them. searched [T]: which steps of the run that the
-    clock drove made a search.
+    First whole steps, then stages, where they are asked for and the system tells them. searched [T]: which
+    steps of the run that the clock drove made a search.
     """
     commands = clock.commands[:frames]
     with single_thread():
-        whole = np.min([_replay(system, clock, commands, warm)[0] for _ in range(repeats)], axis=0)
-        stages: dict[str, NDArray[np.float64]] = {}
-        if hasattr(system, "timed"):
+        every = np.array([_replay(system, clock, commands, warm)[0] for _ in range(repeats)])
+        by_stage: dict[str, NDArray[np.float64]] = {}
+        if stages and hasattr(system, "timed"):
             system.timed = True
             try:
                 runs = [_replay(system, clock, commands, warm)[1] for _ in range(repeats)]
             finally:
                 system.timed = False
-            stages = {name: np.min([run[name] for run in runs], axis=0) for name in runs[0]}
+            by_stage = {name: np.min([run[name] for run in runs], axis=0) for name in runs[0]}
     none = np.zeros(len(commands), bool)
-    return Cost(whole, stages, none if searched is None else searched[: len(commands)])
+    found = none if searched is None else searched[: len(commands)]
+    return Cost(every.min(axis=0), by_stage, found, every.mean(axis=1))
 
 
 def _replay(

@@ -35,6 +35,7 @@ class Driver:
     course, count, fps : the course, N, and steps a second.
     spread : start characters evenly along a closed way, and shift a script evenly in time (it is played
         round), so that no two do the same; otherwise all do the same.
+    begin : share of a closed way, or of a script, at which the first of them starts.
     lookahead : seconds of travel to the point aimed at. A character that obeys at once keeps to a curve the
         better the smaller it is.
     required_tags, forbidden_tags : tag bits that every command asks for and avoids (`Database.tag_mask`).
@@ -55,6 +56,7 @@ class Driver:
         fps: float = 60.0,
         *,
         spread: bool = False,
+        begin: float = 0.0,
         lookahead: float = LOOKAHEAD,
         required_tags: int = 0,
         forbidden_tags: int = 0,
@@ -64,10 +66,11 @@ class Driver:
         self.course, self.count, self.fps = course, count, fps
         self._masks = required_tags, forbidden_tags
         self._part: _Way | _Script
+        shares = begin + np.arange(count) / count * spread
         if course.waypoints:
-            self._part = _Way(course, count, spread, lookahead)
+            self._part = _Way(course, shares, lookahead)
         else:
-            self._part = _Script(course, count, spread)
+            self._part = _Script(course, shares)
         self.path, self.nominal = self._part.path, self._part.nominal
         self.limit = course.seconds * course.laps if course.seconds else 2 * self.nominal + 10
         self.reset()
@@ -115,8 +118,8 @@ class Driver:
 class _Way:
     """Follows waypoints. A leg leads to a waypoint; legs and arc lengths count on through the laps."""
 
-    def __init__(self, course: Course, count: int, spread: bool, lookahead: float) -> None:
-        self._count, self._lookahead, self._smooth = count, lookahead, course.smooth
+    def __init__(self, course: Course, shares: Float, lookahead: float) -> None:
+        self._count, self._lookahead, self._smooth = len(shares), lookahead, course.smooth
         points = np.array([w.position for w in course.waypoints])
         if course.closed:
             points = np.vstack([points, points[:1]])
@@ -148,8 +151,7 @@ class _Way:
             self._radii[: legs - (not course.closed)] = 0
             self._radii[legs:] = 0
 
-        share = np.arange(count) / count if spread and course.closed else np.zeros(count)
-        self._begin = share * line.length
+        self._begin = shares % 1 * line.length if course.closed else np.zeros(len(shares))
         self._first = np.searchsorted(self._marks, self._begin, side="right")
         self._last = self._first + legs * course.laps
         self.nominal = float(np.sum(np.diff(marks, prepend=0.0) / self._speeds[:legs])) * course.laps
@@ -227,11 +229,11 @@ class _Script:
 
     path = None
 
-    def __init__(self, course: Course, count: int, spread: bool) -> None:
+    def __init__(self, course: Course, shares: Float) -> None:
         assert course.seconds is not None  # scripts have a length
-        self._course, self._count = course, count
+        self._course, self._count = course, len(shares)
         self._seconds, self.nominal = course.seconds, course.seconds * course.laps
-        self._offsets = np.arange(count) / count * self._seconds if spread else np.zeros(count)
+        self._offsets = shares % 1 * self._seconds
         keys = course.script()
         self._sticks = bool(keys)
         self._times = np.array([k.time for k in keys or course.velocity])

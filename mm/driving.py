@@ -27,10 +27,13 @@ class Clock(Driver):
     that gets the commands again does the same again.
     """
 
-    def __init__(self, course: Course, count: int, fps: float, *, spread: bool = False) -> None:
+    def __init__(
+        self, course: Course, count: int, fps: float, *, spread: bool = False, begin: float = 0.0
+    ) -> None:
         self.commands: list[Command] = []
         self.seen: list[tuple[NDArray, NDArray]] = []
-        super().__init__(course, count, fps, spread=spread)
+        self.begin = begin
+        super().__init__(course, count, fps, spread=spread, begin=begin)
 
     def reset(self) -> None:
         super().reset()
@@ -50,7 +53,7 @@ class Replay(Clock):
 
     def __init__(self, before: Clock) -> None:
         self._before = before
-        super().__init__(before.course, before.count, before.fps)
+        super().__init__(before.course, before.count, before.fps, begin=before.begin)
 
     @property
     def frames(self) -> int:

@@ -27,7 +27,7 @@ def bench(*arguments, code=0):
     return result
 
 
-QUICK = ("--courses", "circle", "--indexes", "brute", "--seconds", "1")
+QUICK = ("--courses", "circle", "--indexes", "brute", "--seconds", "1", "--repeats", "1", "--no-crowds")
 
 
 def test_compare_clips_builds_a_database_and_writes_a_report(walker_files, tmp_path):
@@ -40,9 +40,12 @@ def test_compare_clips_builds_a_database_and_writes_a_report(walker_files, tmp_p
         "summary.json",
         "courses.csv",
         "report.html",
+        "tables",
+        "work",
     }
     facts = json.loads((out / "summary.json").read_text())
     assert facts["database"]["mirrored_ranges"] == 5
+    assert len(list((out / "work").iterdir())) == 2  # with feet held, and not
     # The database it kept gives the same numbers.
     again = json.loads(bench("compare", out / "database.mmdb", *QUICK, "--json").stdout)
     assert again["database"]["fingerprint"] == facts["database"]["fingerprint"]

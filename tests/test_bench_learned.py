@@ -11,6 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 from bench import crowd, report, systems
+from bench import models as learning
 from bench.cli import main
 from bench.compare import compare
 from lmm import lanes
@@ -96,7 +97,6 @@ def test_poses_are_held_against_motion_matching_and_the_data(rows, compared):
     assert rows.loc["lmm-PSD", "mm_cm"] > rows.loc["lmm-D", "mm_cm"]
     lines = report.brief(compared.summary)
     assert lines[1]["near mm cm"] == 0 and "real pose cm" in lines[0]
-    assert any("closest to real poses" in fact for fact in report.facts(compared))
 
 
 def test_without_models_nothing_is_held_against_anything(database):
@@ -215,6 +215,7 @@ def test_several_models_are_told_apart(files, model, tmp_path):
     done = bench(
         *("compare", files / "walker.mmdb", "--model", files / "walker.lmm", "--model", files / "small.lmm"),
         *("--systems", "lmm-*-PSD", "--courses", "still", "--seconds", "0.2", "--json", "-o", tmp_path),
+        *("--no-crowds", "--repeats", "1"),
     )
     found = json.loads(done.stdout)
     assert [row["system"] for row in found["summary"][1:]] == ["lmm-walker-PSD", "lmm-small-PSD"]
@@ -232,8 +233,9 @@ def test_crowds_from_the_command_line(files):
 
 def test_without_whole_legs_from_the_command_line(without_legs, tmp_path):
     path, short = tmp_path / "bare.mmdb", ("--seconds", "0.2")
+    once = (*short, "--no-crowds", "--repeats", "1")
     without_legs[0].save(path)
-    done = bench("compare", path, "--courses", "still", "--systems", "mm", "--indexes", "brute", *short)
+    done = bench("compare", path, "--courses", "still", "--systems", "mm", "--indexes", "brute", *once)
     assert done.stdout.count("only systems that do not hold the feet run") == 1
     done = bench("crowd", path, "--counts", "2", "--index", "brute", *short)
     assert "mm-brute-free" in done.stdout
@@ -269,3 +271,53 @@ def test_a_model_of_other_data_is_no_system_of_it(database, model):
     other = replace(model, frames=7)
     with pytest.raises(UserError, match="the database that it was trained from"):
         systems.learned({"lmm": other})[0].make(database, 1)
+
+
+def test_models_of_a_folder_are_those_of_the_database(files, database):
+    noted = []
+    found = learning.within(files, database, note=noted.append)
+    assert [path.rsplit("/", 1)[1] for path in found] == ["small.lmm", "walker.lmm"] and not noted
+    (files / "other").mkdir()
+    replace(linear_models.fitted(database), frames=7).save(files / "other" / "other.lmm")
+    assert learning.within(files / "other", database, note=noted.append) == []
+    assert len(noted) == 1 and noted[0].startswith("other.lmm is left out: ")
+    assert learning.within(files / "nowhere", database, note=noted.append) == []
+    with pytest.raises(UserError, match="expected a folder of models"):
+        learning.within(files / "walker.lmm", database, note=noted.append)
+
+
+def test_kinds_that_are_asked_for_and_not_there_are_lacking(files):
+    assert learning.lacking(None, [files / "walker.lmm"]) == ["pfnn", "mann"]
+    assert learning.lacking(("mm", "lmm-PSD", "mann-4"), []) == ["lmm", "mann"]
+    assert learning.lacking(("mm",), []) == []
+
+
+def test_compare_takes_the_models_of_a_folder_and_trains_what_lacks(files, tmp_path, monkeypatch):
+    trained = []
+
+    def train(database, kind, path, preset, *, note):
+        trained.append((kind, path.name, preset))
+        linear_models.fitted(database).save(path)
+        return str(path)
+
+    monkeypatch.setattr(learning, "train", train)
+    short = (
+        "--courses",
+        "still",
+        "--seconds",
+        "0.2",
+        "--repeats",
+        "1",
+        "--no-crowds",
+        "--systems",
+        "lmm-PSD",
+    )
+    line = ("compare", files / "walker.mmdb", *short, "--json", "--models", tmp_path / "new")
+    assert "without a model" in bench(*line, code=2).stderr
+    found = json.loads(bench(*line, "--train", "smoke").stdout)
+    assert trained == [("lmm", "walker.lmm", "smoke")]
+    assert [row["system"] for row in found["summary"][1:]] == ["lmm-PSD"]
+    assert found["verdict"]["reference"] is None and found["published"][0]["system"] == "lmm-PSD"
+    bench(*line, "--train", "smoke")  # it is there now
+    assert len(trained) == 1
+    assert "give --models DIR or -o DIR" in bench(*line[:-2], "--train", "smoke", code=2).stderr

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from bench.models import go_on
 from lmm import models
 from lmm.pfnn.model import PhaseModel
 from mm.database import Database
@@ -100,7 +101,7 @@ def train(
 
     settings changes those of the preset.
     """
-    from lmm.training import checkpoint, pfnn_settings, train_locomotion
+    from lmm.training import pfnn_settings
 
     path = path_of(folder, name)
     if path.is_file():
@@ -111,8 +112,7 @@ def train(
     if settings is not None:
         asked = settings(asked)
     database = _large(databases, folder) if name == "AVA" else databases.database
-    resume = checkpoint.path_of(path).is_file()
-    train_locomotion.train(database, path, asked, resume=resume)
+    go_on(database, path, asked)
     return path
 
 
