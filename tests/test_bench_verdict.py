@@ -165,6 +165,10 @@ def test_missing_systems_and_numbers():
     assert "path" not in found.paragraph and found.keeps == ("mm-exact", "lmm-D")
     found = verdict.of(measured({"mm-exact": MM, "lmm-D": (20.0, 80.0, nowhere)}))
     assert found.keeps == ("mm-exact",)
+    # Networks decode no poses of frames, which is no fault of theirs.
+    decoded, without = {"pose_cm": 0.0}, {"pose_cm": math.nan}
+    found = verdict.of(measured({"mm-exact": (100.0, 50.0, decoded), "mann-4": (9.0, 80.0, without)}))
+    assert found.keeps == ("mm-exact", "mann-4")
     # Costs that nobody took.
     found = verdict.of(measured({"mm-exact": (math.nan, math.nan, {}), "lmm-D": (20.0, math.nan, {})}))
     assert "nan" not in found.paragraph and "nan" not in " ".join(found.systems.values())
