@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from features.terrain import Ground, flat
+from motion.marks import mark
 from motion.skeleton import Skeleton
 from motion.stick_figures import LEFT, MIDDLE, RIGHT, bone_colours, project
 
@@ -15,6 +17,7 @@ __all__ = ["LEFT", "MIDDLE", "RIGHT", "bone_colours", "draw", "figure", "project
 
 Array = NDArray[np.floating]
 
+WIDTH, NARROWEST = 11.0, 1.0  # of a figure, inches; of a pose's cell, metres
 # Of the line of the ground under a figure: its points, and how far down it is shown, metres.
 POINTS, DEEPEST = 25, -0.4
 
@@ -57,9 +60,10 @@ def draw(
         axes.add_collection(LineCollection(list(lines), colors=MIDDLE, linewidths=0.6, zorder=0))
         lowest = max(float(lines[..., 1].min()), DEEPEST)
     bones = [(j, p) for j, p in enumerate(skeleton.parents) if p > 0]
-    shades = [colours[j] for j, _ in bones] * len(page)
+    bones.sort(key=lambda bone: colours[bone[0]])  # bones of one colour make one element of a page
+    shades = [colours[j] for j, _ in bones for _ in page]
     axes.add_collection(
-        LineCollection([(pose[j], pose[p]) for pose in page for j, p in bones], colors=shades, linewidths=1.3)
+        LineCollection([(pose[j], pose[p]) for j, p in bones for pose in page], colors=shades, linewidths=1.3)
     )
     for s, pose in enumerate(page):
         head = skeleton.roles.get("head")
@@ -96,19 +100,31 @@ def _under(ground: Ground, root: Array, yaw: float, view: str, width: float) -> 
     return np.stack([across, np.asarray(heights, np.float64)], axis=-1)
 
 
+def widest(traces: Sequence[Any]) -> float:
+    """The cell for strips of several traces, so that their poses of one time stand below each other."""
+    spans = [
+        np.ptp(project(pose, yaw, "side")[1:, 0])
+        for trace in traces
+        for pose, yaw in zip(trace.poses, trace.yaws, strict=True)
+    ]
+    return max(1.15 * float(np.percentile(spans, 90)) + 0.1, NARROWEST)
+
+
 def figure(
     trace: Any,
     *,
     views: tuple[str, ...] = ("side", "front"),
     feet: list[int] | None = None,
+    cell: float | None = None,
     ground: Ground = flat,
 ) -> Any:
-    """A matplotlib figure with one strip a view of a `mm.quality.Trace`."""
+    """A matplotlib figure with one strip a view of a `mm.quality.Trace`; cell as `draw` takes it."""
     from matplotlib.figure import Figure
 
-    picture = Figure(figsize=(11, 1.5 * len(views)))
-    picture.subplots_adjust(0, 0, 1, 1, hspace=0)
-    for axes, view in zip(np.atleast_1d(picture.subplots(len(views), 1)), views, strict=True):
+    cell = widest([trace]) if cell is None else cell
+    picture = Figure()
+    every = np.atleast_1d(picture.subplots(len(views), 1))
+    for axes, view in zip(every, views, strict=True):
         draw(
             axes,
             trace.skeleton,
@@ -118,6 +134,13 @@ def figure(
             low=trace.low,
             feet=feet,
             view=view,
+            cell=cell,
             ground=ground,
         )
+        between = float(np.diff(trace.frames).mean()) / trace.fps if len(trace.frames) > 1 else 0.0
+        mark(axes, cursor=trace.course, seconds=between / cell)
+    heights = [float(np.ptp(axes.get_ylim())) for axes in every]
+    picture.set_size_inches(WIDTH, WIDTH * sum(heights) / float(np.ptp(every[0].get_xlim())))
+    every[0].get_gridspec().set_height_ratios(heights)
+    picture.subplots_adjust(0, 0, 1, 1, hspace=0)
     return picture

@@ -11,6 +11,7 @@ import json
 import re
 from collections.abc import Mapping
 from typing import Any
+from urllib.parse import quote, unquote
 
 PREFIX = "mark:"
 
@@ -18,7 +19,8 @@ PREFIX = "mark:"
 def mark(artist: Any, *of: str, **facts: Any) -> None:
     """Tell a page's script which names an artist shows (a system, a part), and
 
-    say : what a reader is told of it; a line tells its own numbers. step : seconds from one point of a line
+    say : what a reader is told of it; a line tells its own numbers. always : whether it stays as it is where
+    others are looked at. step : seconds from one point of a line
     to the next. Of axes: zoom, "x" or "xy", along which the reader may; cursor, a name that axes share whose
     readers point at one time, and seconds, of a unit along x (1).
     """
@@ -77,26 +79,30 @@ def shown(body: str, picture: Any) -> str:
     used = set(re.findall(r'(?:url\(|href=")#([^")]+)', body))
 
     def attributes(found: re.Match[str]) -> str:
-        name = html.unescape(found[1])
+        name = found[1]
         if name.startswith(PREFIX):
-            facts = json.loads(name.removeprefix(PREFIX))
+            facts = _decoded(name)
             if "axes" in facts:
                 facts |= _place(picture.axes[facts["axes"]])
             return _attributes(facts)
         if name.startswith(("xtick_", "ytick_")):
             return f'class="{name[:5]}"'
-        return found[0] if found[1] in used else ""
+        return found[0] if name in used else ""
 
     return re.sub(r'\bid="([^"]*)"', attributes, body)
 
 
 def _write(artist: Any, facts: Mapping[str, Any]) -> None:
-    artist.set_gid(PREFIX + json.dumps(facts, ensure_ascii=False))
+    artist.set_gid(PREFIX + quote(json.dumps(facts)))
 
 
 def _read(artist: Any) -> dict[str, Any]:
     gid = artist.get_gid() or ""
-    facts: dict[str, Any] = json.loads(gid.removeprefix(PREFIX)) if gid.startswith(PREFIX) else {}
+    return _decoded(gid) if gid.startswith(PREFIX) else {}
+
+
+def _decoded(gid: str) -> dict[str, Any]:
+    facts: dict[str, Any] = json.loads(unquote(gid.removeprefix(PREFIX)))
     return facts
 
 
@@ -115,5 +121,8 @@ def _place(axes: Any) -> dict[str, Any]:
     for name, axis, limits in (("x", axes.xaxis, axes.get_xlim()), ("y", axes.yaxis, axes.get_ylim())):
         if axis.get_scale() in ("linear", "log"):
             out[name] = [float(limit) for limit in limits]
-            out[f"{name}scale"], out[f"{name}label"] = axis.get_scale(), axis.label.get_text()
+            shared = getattr(axes, f"get_shared_{name}_axes")().get_siblings(axes)
+            labels = [getattr(one, f"get_{name}label")() for one in (axes, *shared)]
+            out[f"{name}scale"] = axis.get_scale()
+            out[f"{name}label"] = next(filter(None, labels), "")
     return out

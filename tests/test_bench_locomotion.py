@@ -106,21 +106,22 @@ class _Went:
         return self.way == other.way
 
 
-def test_strips_are_of_each_family_and_of_the_first_ways():
+def test_strips_are_of_all_that_differ_those_of_each_family_first():
     went = (
-        ("mm-a", 0),
-        ("mm-b", 0),
-        ("mm-c", 1),
-        ("mm-d", 2),
-        ("mm-e", 3),
+        ("mm-exact", 0),
+        ("mm-brute", 0),
+        ("mm-aabb", 1),
+        ("mm-kdtree", 2),
+        ("mm-kdtree-free", 3),
         ("pfnn-cubic", 0),
         ("pfnn-linear", 0),
     )
-    a, b, c, d, _, cubic, linear = traces = [_Went(*each) for each in went]
-    assert report.drawn(traces) == [[a, b], [c], [cubic, linear]]
-    assert report.drawn(traces[:5]) == report.drawn(traces[:4]) == [[a, b], [c], [d]]
-    more = [_Went(f"{family}-x", 0) for family in ("lmm", "mann")]
-    assert report.drawn([*traces, *more]) == [[a, b], [cubic, linear], *([one] for one in more)]
+    a, b, c, d, e, cubic, linear = traces = [_Went(*each) for each in went]
+    assert report.families(traces) == [([[a, b], [c]], [[d], [e]]), ([[cubic, linear]], [])]
+    assert report.families(traces[:5]) == [([[a, b], [c], [d]], [[e]])]
+    more = [_Went(name, 0) for name in ("mm-exact-float16", "lmm-PSD", "lmm-D", "mann-4")]
+    shown = [own for own, _ in report.families([*traces, *more])]
+    assert shown == [[[a, b]], [[cubic, linear]], [more[:1]], [more[1:3]], [more[3:]]]
 
 
 def test_crowds_of_networks(database, models):

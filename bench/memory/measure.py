@@ -22,7 +22,7 @@ from motion import console
 from motion.errors import UserError
 
 from . import allocations, published, resident, stored
-from .pareto import front
+from .pareto import with_fronts
 
 if TYPE_CHECKING:
     from lmm.models import AnyModel
@@ -124,18 +124,12 @@ def measure(
         c for c in table if c.startswith(("memory_", "stored_")) and c not in ("memory_mb", "stored_mb")
     )
     table = table[[c for c in table if c not in parts] + parts]
-    for name, column in (("front", "pose_cm"), ("front_held", "pose_held_cm")):
-        error = (
-            table[column].where(table["error"] == "decoded") if column in table else pd.Series(dtype=float)
-        )
-        if error.notna().any():
-            table[name] = front(np.column_stack([table["memory_mb"], error]))
     if peaks and not resident.known_here():
         notes.append("resident memory is not known: this machine has no /proc/self/clear_refs")
     if not held:
         notes.append("errors are of all clips: no model is given that was trained without some of them")
     return Memory(
-        table,
+        with_fronts(table),
         pd.DataFrame(published.features(database)),
         pd.DataFrame(published.beside(database, table)),
         notes,

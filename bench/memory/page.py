@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-import math
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
+from bench import colours
 from bench.compare import plain
+from bench.pages import known, number, render
 from motion import figures, files
 
 from . import plots, resident
@@ -92,8 +92,7 @@ def brief(memory: Memory) -> list[dict[str, Any]]:
     for row in memory.systems.to_dict("records"):
         cells: dict[str, Any] = {"system": row["system"], "front": "*" if row.get("front") else ""}
         for name, title, digits, _ in columns(memory):
-            known = row[name] is not None and math.isfinite(row[name])
-            cells[title] = round(float(row[name]), digits or None) if known else None
+            cells[title] = round(float(row[name]), digits or None) if known(row[name]) else None
         rows.append(cells)
     return rows
 
@@ -131,27 +130,23 @@ def smallest(rows: pd.DataFrame, column: str) -> list[str]:
     return words
 
 
-def number(value: Any, digits: int) -> str:
-    """A number with so many digits, a dash where there is none."""
-    return "–" if value is None or not math.isfinite(value) else f"{value:,.{digits}f}"
-
-
 def html(memory: Memory, *, command: str) -> str:
     """The page."""
-    import jinja2
-
-    template = resources.files("bench") / "templates" / "memory.html"
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
     pictures = {}
-    for name, draw in (("against_error", plots.against_error), ("by_part", plots.by_part)):
+    for name, draw, label in (
+        ("against_error", plots.against_error, "memory against error"),
+        ("by_part", plots.by_part, "memory by part"),
+    ):
         with figures.style(name):
-            pictures[name] = figures.svg(draw(memory.systems))
-    return environment.from_string(template.read_text("utf-8")).render(
+            pictures[name] = figures.svg(draw(memory.systems), label)
+    return render(
+        "memory.html",
         memory=memory,
         facts=facts(memory),
         columns=columns(memory),
         systems=memory.systems.to_dict("records"),
-        parts={kind: parts(memory.systems, kind) for kind in ("stored", "memory")},
+        colours=colours.of(memory.systems["system"]),
+        held={kind: parts(memory.systems, kind) for kind in ("stored", "memory")},
         features=memory.features.to_dict("records"),
         published=memory.published.to_dict("records"),
         pictures=pictures,

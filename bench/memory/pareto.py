@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 from numpy.typing import ArrayLike, NDArray
+
+FRONTS = {"front": "pose_cm", "front_held": "pose_held_cm"}  # of memory against which error
 
 
 def front(costs: ArrayLike) -> NDArray[np.bool_]:
@@ -17,4 +20,18 @@ def front(costs: ArrayLike) -> NDArray[np.bool_]:
     no_worse = (known[:, None] <= known).all(axis=2)
     lower = (known[:, None] < known).any(axis=2)
     out[out] = ~(no_worse & lower).any(axis=0)
+    return out
+
+
+def with_fronts(systems: pd.DataFrame) -> pd.DataFrame:
+    """Systems with columns front and front_held, where their errors are known.
+
+    In them stands whether nothing smaller (memory_mb) decodes poses better, among those that decode frames.
+    """
+    out = systems.copy()
+    for name, column in FRONTS.items():
+        if column in systems:
+            error = systems[column].where(systems["error"] == "decoded")
+            if error.notna().any():
+                out[name] = front(np.column_stack([systems["memory_mb"], error]))
     return out

@@ -8,13 +8,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from bench import plots
+from bench import colours, plots
 from bench.learned import ENDINGS
-from motion.figures import COLOURS, INK, figure
+from motion.figures import INK, figure
+from motion.marks import mark
 
 PANELS = (("training", "pose_cm", "front"), ("held-out", "pose_held_cm", "front_held"))
 MARKERS = ("s", "o", "D", "^", "v")
-ROOM, LETTER, GAP = 0.03, 0.0095, 0.012  # of the axes: between two labels, of a letter, beside a point
 
 
 def against_error(systems: pd.DataFrame) -> Any:
@@ -25,7 +25,7 @@ def against_error(systems: pd.DataFrame) -> Any:
     """
     panels = [panel for panel in PANELS if panel[2] in systems]
     picture, axes = figure(5.6 * len(panels), 5.2, len(panels))
-    kinds = list(dict.fromkeys(systems["kind"]))
+    kinds, shades = list(dict.fromkeys(systems["kind"])), colours.of(systems["system"])
     errors = np.concatenate([systems[column] for _, column, _ in panels]).astype(float)
     labels: list[tuple[Any, NDArray, NDArray, list[str], NDArray, NDArray]] = []
     floor = np.nanmin(errors[errors > 0], initial=1.0) / 3
@@ -35,15 +35,18 @@ def against_error(systems: pd.DataFrame) -> Any:
         best = rows[front].to_numpy(bool)
         order = np.flatnonzero(best)[np.lexsort((error[best], memory[best]))]
         one.plot(memory[order], error[order], color=INK, linewidth=0.8, drawstyle="steps-post", zorder=1)
-        for kind, colour, marker in zip(kinds, COLOURS, MARKERS, strict=False):
-            for decoded, face in (("decoded", colour), ("one step", "none")):
-                who = ((rows["kind"] == kind) & (rows["error"] == decoded)).to_numpy()
-                if who.any():
-                    title = kind if decoded == "decoded" else f"{kind}, after one step"
-                    one.scatter(
-                        memory[who], error[who], 22, edgecolors=colour, facecolors=face, marker=marker,
-                        label=title, zorder=2,
+        for kind, marker in zip(kinds, MARKERS, strict=False):
+            for decoded in ("decoded", "one step"):
+                who = rows[(rows["kind"] == kind) & (rows["error"] == decoded)]
+                title = kind if decoded == "decoded" else f"{kind}, after one step"
+                for row in who.to_dict("records"):
+                    name, colour = row["system"], shades[row["system"]]
+                    dot = one.scatter(
+                        row["memory_mb"], max(row[column], floor), 22, edgecolors=colour, marker=marker,
+                        facecolors=colour if decoded == "decoded" else "none", zorder=2,
+                        label=title,
                     )  # fmt: skip
+                    mark(dot, name, say=f"{row['memory_mb']:.3g} MB\n{row[column]:.3g} cm, {part} clips")
         one.set_xscale("log")
         one.set_yscale("log")
         for axis in (one.xaxis, one.yaxis):
@@ -62,7 +65,7 @@ def against_error(systems: pd.DataFrame) -> Any:
     picture.legend(handles.values(), handles, loc="outside upper center", ncols=4, fontsize=7)
     picture.draw_without_rendering()  # so that it is known where points are
     for of_panel in labels:
-        _label(*of_panel)
+        plots.name_points(*of_panel)
     return picture
 
 
@@ -82,32 +85,3 @@ def _named(rows: pd.DataFrame) -> NDArray[np.bool_]:
     plain = names.isin(["mm-exact", "mm-exact-float16"]) | names.str.endswith("-D")
     networks = (rows["error"] == "one step") & ~names.str.endswith(tuple(filter(None, ENDINGS.values())))
     return (plain | networks).to_numpy()
-
-
-def _label(axes: Any, x: NDArray, y: NDArray, names: list[str], best: NDArray, named: NDArray) -> None:
-    """Names of points: of those on the front to the lower left, where nothing else is, of others to the
-    right; moved down where they would lie on each other."""
-    places = axes.transAxes.inverted().transform(axes.transData.transform(np.column_stack([x, y])))
-    taken: list[tuple[float, float, float]] = []
-    for i in np.argsort(-places[:, 1]):
-        if not (best[i] or named[i]):
-            continue
-        width, (px, at) = LETTER * len(names[i]), places[i]
-        left = px - GAP - width if best[i] and px - GAP - width > 0 else px + GAP
-        at -= ROOM / 2 * best[i]
-        while any(abs(at - y_) < ROOM and left < end and start < left + width for start, end, y_ in taken):
-            at -= ROOM / 4
-        taken.append((left, left + width, at))
-        far = abs(at - places[i, 1]) > ROOM
-        axes.annotate(
-            names[i],
-            places[i],
-            (left + width if left < px else left, at),
-            "axes fraction",
-            "axes fraction",
-            fontsize=5.5,
-            ha="right" if left < px else "left",
-            va="center",
-            fontweight="bold" if best[i] else "normal",
-            arrowprops={"arrowstyle": "-", "linewidth": 0.3, "color": INK} if far else None,
-        )

@@ -10,7 +10,7 @@
   };
   const short = (value, span) => {
     const digits = Math.max(0, Math.min(6, 2 - Math.floor(Math.log10(Math.abs(span) || 1))));
-    return value.toFixed(digits);
+    return value.toFixed(digits).replace(/^-(?=[0.]*$)/, "");
   };
   document.body.classList.add("live");
   const told = document.body.appendChild(document.createElement("div"));
@@ -30,7 +30,7 @@
     const within = (part) => part.names.some((name) => names.includes(name));
     for (const parts of figures.values()) {
       const there = names !== null && parts.some(within);
-      for (const part of parts) part.classList.toggle("faint", there && !within(part));
+      for (const part of parts) part.classList.toggle("faint", there && !within(part) && !part.dataset.always);
     }
     for (const row of all("tr[data-of]")) row.classList.toggle("lit", names !== null && within(row));
   };
@@ -140,7 +140,7 @@
     }
     look(spans) { // draw a part of the whole
       this.span = { ...this.whole, ...spans };
-      const zoomed = Object.keys(this.whole).some((axis) => String(this.span[axis]) !== String(this.whole[axis]));
+      const differs = (axis) => String(this.span[axis]) !== String(this.whole[axis]), zoomed = differs("x") || differs("y");
       this.group.classList.toggle("zoomed", zoomed);
       const pair = (x, y) => `${this.moved("x", +x).toFixed(2)} ${this.moved("y", +y).toFixed(2)}`;
       for (const path of all("path[clip-path]", this.group)) {
@@ -160,7 +160,7 @@
           if (!text || !this.whole[axis] || Number.isNaN(at)) continue;
           text.whole ??= text.textContent;
           const span = this.log[axis] ? this.value(axis, at) : this.span[axis][1] - this.span[axis][0];
-          text.textContent = zoomed ? short(this.value(axis, at), span) : text.whole;
+          text.textContent = differs(axis) ? short(this.value(axis, at), span) : text.whole;
         }
     }
     zoom(axis, share, factor) { // keeps what is at a share of the axis in place
