@@ -12,13 +12,14 @@ import click
 
 from motion import console
 
-from .entry import Entry, called
 from .options import CODECS, MODELS, Listed, check_models, check_outputs, load
 
 if TYPE_CHECKING:
     from lmm.models import AnyModel
     from mm.course import Course
     from mm.database import Database
+
+    from .entry import Entry
 
 TABLES = ("summary.csv", "courses.csv", "summary.json", "report.html")
 
@@ -106,6 +107,7 @@ def standard(database: Database, models: Mapping[str, AnyModel]) -> list[Entry]:
 
     They hold the feet where legs are whole.
     """
+    from .entry import called
     from .systems import choose, without_legs
 
     legs = without_legs(database) is None
