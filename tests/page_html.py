@@ -37,7 +37,7 @@ class Page(HTMLParser):
             elif name in ("src", "href", "xlink:href"):
                 if value.startswith("#"):
                     self.uses.add(value[1:])
-                else:
+                elif not value.startswith("data:"):
                     self.fetched.append(value)
             elif name == "data-of":
                 self.marked.append((tag, json.loads(value)))

@@ -89,12 +89,12 @@ def test_the_page_shows_a_strip_of_each_family(compared, tmp_path):
         assert f">{stage}<" in text
 
 
-@pytest.mark.parametrize("draw", [plots.costs, plots.memory])
-def test_legends_of_many_parts_leave_room_for_the_bars(compared, draw):
+@pytest.mark.parametrize(("draw", "least"), [(plots.costs, 11), (plots.memory, 5)])
+def test_legends_of_many_parts_leave_room_for_the_bars(compared, draw, least):
     picture = draw(compared.summary)
     picture.draw_without_rendering()
     (axes,) = picture.axes
-    assert len(axes.get_legend().get_texts()) > 10 and axes.get_position().width > 0.6
+    assert len(axes.get_legend().get_texts()) >= least and axes.get_position().width > 0.6
 
 
 class _Went:

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import linear_models
 import numpy as np
+import page_html
 import pandas as pd
 import pfnn_models
 import pytest
@@ -187,7 +188,8 @@ def test_the_report_is_a_table_a_plot_and_a_page(report, folder):
     assert (rows[["frame_bytes_2", "blocks_2"]] > 0).all(axis=None)
     assert shown.count("*") > 2 and "as in the data mm-exact (" in shown
     text = (out / "report.html").read_text()
-    assert "http" not in text.replace("http://www.w3.org", "") and "O3DE" in text and "lmm-PSD-int8" in text
+    page_html.check(text)
+    assert "O3DE" in text and "lmm-PSD-int8" in text
     facts = json.loads((out / "memory.json").read_text())
     assert facts["database"]["held_out"] == ["run"] and set(facts["models"]) == {"lmm", "pfnn"}
 

@@ -9,6 +9,7 @@ from typing import Any
 import lmm_models
 import mann_models
 import numpy as np
+import page_html
 import pandas as pd
 import pfnn_models
 import pytest
@@ -209,6 +210,7 @@ def test_the_whole_experiment(databases, ava, square, tmp_path):
     told = json.loads((tmp_path / "out" / "thesis.json").read_text())
     assert told["models"]["AVA"]["sizes"][0] == ava.network.sizes[0] and len(told["files"]) == 12
     text = (tmp_path / "out" / "report.html").read_text()
+    page_html.check(text)
     assert "bench &lt;thesis&gt;" in text and text.count("<svg") == 6 and "HOLDEN-XT is empty" in text
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 
+import page_html
 import pandas as pd
 import pytest
 from click.testing import CliRunner
@@ -61,9 +62,7 @@ def test_all_files_are_written_and_agree(written):
 
 def test_the_page_needs_nothing_else(written):
     text = (written[1] / "report.html").read_text()
-    assert not re.search(r"<(link|iframe)\b", text)
-    assert not re.search(r'(src|href)="(?!#|data:)', text)
-    assert "light-dark(" in text and "@media print" in text
+    page_html.check(text)
     assert text.count("<svg") == 9
     assert "nan" not in re.sub(r"<svg.*?</svg>", "", text, flags=re.DOTALL).lower().split()
 
