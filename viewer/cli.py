@@ -328,9 +328,13 @@ def _export(members: list[Member], output: str, start: float, stop: float | None
         click.echo(f"wrote {path}", err=True)
 
 
-def _window(found: Sources, **given: Any) -> None:
-    """Open the window on what was given (viewer.window.run): the one place where it is."""
-    raise UserError("no window yet", remedy="name a picture or a film to write with --offscreen")
+def _window(found: Sources, *, show: tuple[str, ...] | None, **given: Any) -> None:
+    """Open the window on what was given: the one place where it is."""
+    from . import window
+
+    shown = None if show is None else [name for name in show if name != NOTHING]
+    known = ("systems", "course", "settings", "ground", "ghost", "size", "dark")
+    window.run(found, shown=shown, **{name: given[name] for name in known})
 
 
 def _name_of(setting: str) -> str:

@@ -10,12 +10,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor, wait
-from typing import Any
+from typing import Any, Protocol
 
-from .session import Look, Session
+from .session import Look
 
 PATIENCE = 0.008  # seconds that a frame waits: half of one at 60 a second
 BUDGET = 0.05  # seconds of steps at once: a machine too slow for its systems runs them at its own pace
+
+
+class Played(Protocol):
+    """What is let go by: a `viewer.session.Session`, or a `viewer.replay.Replay`."""
+
+    def advance(self, real_seconds: float, *, budget: float) -> None: ...
+
+    def look(self) -> Look: ...
 
 
 class Live:
@@ -24,11 +32,11 @@ class Live:
     late : frames that were shown what there was, since a step was not done in time.
     """
 
-    def __init__(self, session: Session, *, patience: float = PATIENCE, budget: float = BUDGET) -> None:
+    def __init__(self, session: Played, *, patience: float = PATIENCE, budget: float = BUDGET) -> None:
         self._session, self._patience, self._budget = session, patience, budget
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="session")
         self._owed = 0.0
-        self._wishes: list[Callable[[Session], Any]] = []
+        self._wishes: list[Callable[[Any], Any]] = []
         self._work: Future[Look] | None = None
         self._look = session.look()
         self.late = 0
@@ -51,7 +59,7 @@ class Live:
         self._look = done.result()
         return self._look
 
-    def do(self, wish: Callable[[Session], Any]) -> None:
+    def do(self, wish: Callable[[Any], Any]) -> None:
         """Have something done to the session before its time goes on: a reset, other settings, a pause."""
         self._wishes.append(wish)
 
@@ -59,7 +67,7 @@ class Live:
         """End the thread, when it has done what it does."""
         self._pool.shutdown(wait=True, cancel_futures=True)
 
-    def _advance(self, wishes: list[Callable[[Session], Any]], seconds: float) -> Look:
+    def _advance(self, wishes: list[Callable[[Any], Any]], seconds: float) -> Look:
         for wish in wishes:
             wish(self._session)
         self._session.advance(seconds, budget=self._budget)

@@ -1,0 +1,223 @@
+"""The window: what happens in a frame, and what keys and the mouse do."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from open3d.visualization import gui, rendering
+
+from .. import views
+from ..controls import KEYS, TURN, of_keys
+from ..gamepad import Gamepad
+from ..raster.renderer import STANDARD
+from ..session import Look
+from .bar import Bar
+from .drawing import Drawing
+from .eye import Eye
+from .players import Players
+from .side import Side
+
+SIDE, BELOW = 24, 4  # letters' heights that the tabs are wide, and the timeline is high
+REFRESH = 0.1  # seconds after which numbers and pictures at the side are new
+TOLD = 4.0  # seconds for which a line is told
+RATE, RATE_AT_FIRST, COMPILING = 15.0, 1.0, 6.0  # pictures a second without a card, and at first for seconds
+
+
+class Window:
+    """An open window.
+
+    Parameters
+    ----------
+    players : whom it shows.
+    size : pixels.
+    clock : gives the time, seconds, by which frames follow one another.
+    on_frame : called in each frame, with the window; where it gives False the frame is not drawn.
+    software : whether a processor draws, for want of a graphics card.
+    """
+
+    def __init__(
+        self,
+        players: Players,
+        *,
+        size: tuple[int, int] = (1280, 800),
+        view: views.View | None = None,
+        clock: Callable[[], float] = time.perf_counter,
+        on_frame: Callable[[Window], bool | None] | None = None,
+        software: bool = False,
+    ) -> None:
+        self.players, self._clock, self._on_frame = players, clock, on_frame
+        self._app = gui.Application.instance
+        self._app.initialize()
+        self.window = self._app.create_window("motion matching", *size)
+        em = self.window.theme.font_size
+        self.scene = gui.SceneWidget()
+        self.scene.scene = rendering.Open3DScene(self.window.renderer)
+        self.scene.set_on_mouse(self._on_mouse)
+        self._line = gui.Label("")
+        self._line.visible = False
+        self.bar = Bar(players, em, tell=self.tell)
+        self.side = Side(
+            self.window, players, em, on_players=self._begin, on_camera=self._set_camera, tell=self.tell
+        )
+        for child in (self.scene, self.bar.widget, self.side.widget, self._line):
+            self.window.add_child(child)
+        self.window.set_on_layout(self._lay_out)
+        self.window.set_on_key(self.on_key)
+        self.window.set_on_tick_event(self._tick)
+        self._software, self._opened, self._drawn = software, time.perf_counter(), -np.inf
+        self.drawing = Drawing(self.scene, pixels=size[1] / STANDARD, smooth=not software)
+        self.pad = Gamepad()
+        self.held: set[str] = set()
+        self.frames = 0
+        self._view = view or views.View(azimuth=np.pi)
+        self._before, self._told, self._refreshed = clock(), -np.inf, -np.inf
+        self._mouse: tuple[int, int] | None = None
+        self._error: BaseException | None = None
+        self._begin()
+
+    def run(self) -> None:
+        """Until it is closed; what a frame raises is raised here."""
+        try:
+            self._app.run()
+        finally:
+            self.players.close()
+            self.pad.close()
+        if self._error is not None:
+            raise self._error
+
+    def close(self) -> None:
+        # Open3D crashes where a window closes in its own tick.
+        self._app.post_to_main_thread(self.window, self.window.close)
+
+    def tell(self, words: str) -> None:
+        """Show a line for a while."""
+        self._line.text, self._told = words, self._clock()
+        self._line.visible = True
+
+    # A frame
+
+    def _tick(self) -> bool:
+        """A frame; whether it is to be drawn."""
+        try:
+            self._frame()
+            drawn = self._on_frame is None or self._on_frame(self) is not False
+        except Exception as error:  # Open3D would print it and go on
+            self._error, drawn = error, False
+            self._on_frame = None
+            self.close()
+        return drawn and self._in_time()
+
+    def _in_time(self) -> bool:
+        """Whether a picture may be asked for: Open3D lets them wait in line without an end where a processor
+        draws, and while shaders are compiled, so that a window would show what was long ago."""
+        if not self._software:
+            return True
+        now = time.perf_counter()
+        rate = RATE_AT_FIRST if now - self._opened < COMPILING else RATE
+        if now - self._drawn < 1 / rate:
+            return False
+        self._drawn = now
+        return True
+
+    def _frame(self) -> None:
+        now = self._clock()
+        passed, self._before = now - self._before, now
+        players, hands = self.players, of_keys(self.held) | self.pad.hands()
+        stick = players.stick
+        if stick is not None:
+            stick.hands = replace(hands, turn=0.0)  # the window's camera turns, and the stick's is set to it
+            stick.camera_yaw = self.eye.yaw
+        assert players.live is not None
+        look = players.live.frame(passed)
+        self.eye.azimuth += hands.turn * TURN * passed
+        self.eye.tilt(hands.tilt, passed)
+        self._show(look, passed)
+        if now - self._refreshed >= REFRESH:
+            self._refreshed = now
+            players.take_made()
+            self.bar.refresh(look.time, look.live)
+            self.side.refresh(look.time, look.errors)
+            self._line.visible = now - self._told < TOLD
+        self.frames += 1
+
+    def _show(self, look: Look, passed: float) -> None:
+        stage = self.players.stage
+        stage.move_to(look.time)
+        self.camera = self.eye.move(views.goal(stage), passed)
+        views.light(stage, self.camera)
+        self.drawing.show(stage.scene, self.camera)
+
+    def _begin(self) -> None:
+        """Look at those who play now."""
+        players = self.players
+        frame = self.window.content_rect
+        seen = views.first_camera(
+            players.stage, [players.session.look().time], (frame.width, frame.height), self._view
+        )
+        offset = seen.position - seen.target
+        self.eye = Eye(
+            seen.target,
+            azimuth=float(np.arctan2(offset[0], offset[2])),
+            elevation=self._view.elevation,
+            distance=1.5 * seen.distance,
+        )
+
+    def _set_camera(self, kind: str) -> None:
+        self.eye.kind = kind
+
+    # Hands
+
+    def on_key(self, event: Any) -> bool:
+        """A key went down or up; whether that was for the window."""
+        name, down = _NAMES.get(int(event.key)), event.type == gui.KeyEvent.Type.DOWN
+        if name in KEYS:
+            (self.held.add if down else self.held.discard)(name)
+            return True
+        if name is None or not down or event.is_repeat:
+            return False
+        bar = self.bar
+        {
+            "SPACE": bar.pause_or_go_on,
+            "PERIOD": bar.step,
+            "COMMA": lambda: bar.step(back=True),
+            "M": bar.slow_or_not,
+            "R": lambda: self.players.do(lambda session: session.reset()),
+            "ONE": lambda: bar.jump("transition"),
+            "TWO": lambda: bar.jump("slide"),
+            "THREE": lambda: bar.jump("peak"),
+        }[name]()
+        return True
+
+    def _on_mouse(self, event: Any) -> Any:
+        kinds = gui.MouseEvent.Type
+        if event.type == kinds.WHEEL:
+            self.eye.zoom(float(np.sign(event.wheel_dy)))
+        elif event.type == kinds.DRAG and self._mouse is not None:
+            self.eye.drag(event.x - self._mouse[0], event.y - self._mouse[1])
+        self._mouse = (event.x, event.y) if event.type in (kinds.DRAG, kinds.BUTTON_DOWN) else None
+        return gui.SceneWidget.EventCallbackResult.CONSUMED
+
+    # Around
+
+    def _lay_out(self, _: Any) -> None:
+        room, em = self.window.content_rect, self.window.theme.font_size
+        wide, high = min(SIDE * em, room.width // 2), BELOW * em
+        left = room.width - wide
+        self.scene.frame = gui.Rect(room.x, room.y, left, room.height - high)
+        self.bar.widget.frame = gui.Rect(room.x, room.get_bottom() - high, left, high)
+        self.side.widget.frame = gui.Rect(room.x + left, room.y, wide, room.height)
+        self._line.frame = gui.Rect(room.x + em, room.y + em // 2, left - 2 * em, 2 * em)
+
+
+_NAMES: dict[int, str] = {
+    int(getattr(gui.KeyName, name)): name
+    for name in [*(set(KEYS) - {"SHIFT", "CTRL"}), *"SPACE PERIOD COMMA M R ONE TWO THREE".split()]
+} | {
+    int(getattr(gui.KeyName, f"{side}_{key}")): name
+    for side in ("LEFT", "RIGHT")
+    for key, name in (("SHIFT", "SHIFT"), ("CONTROL", "CTRL"))
+}

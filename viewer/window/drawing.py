@@ -1,0 +1,424 @@
+"""Scenes drawn by Open3D: only what changed since the last frame is told to it.
+
+Moving a geometry takes 15 us and making one 0.2 ms or more, so rigid parts are made once and moved, and so
+are their shadows: copies of them pressed flat onto the ground along the light, as in the films of
+`viewer.raster`. What is seen through bodies is drawn nearer to the eye: shrunk around it, it looks the same,
+and lies before all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import open3d as o3d
+from numpy.typing import ArrayLike, NDArray
+from open3d.visualization import gui, rendering
+
+from .. import shapes
+from ..camera import NEAR, Camera
+from ..scene import (
+    Arrows,
+    Floats,
+    Ground,
+    Labels,
+    Layer,
+    Lines,
+    Mesh,
+    Points,
+    Scene,
+    Solids,
+    Sun,
+    Surface,
+    Theme,
+    colour,
+)
+
+Array = NDArray[np.floating]
+
+FAR = 500.0  # metres beyond which nothing is drawn
+_LIFT = 0.003  # metres by which shadows lie on the ground, and its lines half of that
+_BEFORE = 0.08  # how near what is seen through bodies is drawn, in parts of its distance
+_RINGS, _AROUND = 24, 48  # of the floor
+_STEP = 1.3  # ratio of one radius of the ground to the next
+
+
+class Drawing:
+    """What a window's scene widget shows.
+
+    Parameters
+    ----------
+    widget : of a window that is open.
+    pixels : pixels of the screen for one of a picture 720 high: widths and sizes are given for that.
+    smooth : whether edges are, which takes several samples a pixel.
+    """
+
+    def __init__(self, widget: Any, *, pixels: float = 1.0, smooth: bool = True) -> None:
+        self._widget, self._scene, self._pixels = widget, widget.scene, pixels
+        self._drawn: dict[str, _Drawn] = {}
+        self._around: tuple[Theme, Sun] | None = None
+        self._floor: tuple[Any, ...] | None = None
+        view = self._scene.view
+        view.set_sample_count(4 if smooth else 1)
+        view.set_shadowing(False)
+        view.set_ambient_occlusion(False)
+        view.set_post_processing(False)  # would bend colours, and takes most of a frame's time without a card
+        self._scene.show_skybox(False)
+
+    def show(self, scene: Scene, eye: Camera) -> None:
+        """Let the widget show the scene as seen by this camera."""
+        self._light(scene)
+        self._ground(scene)
+        for name in [
+            name for name, drawn in self._drawn.items() if scene.layers.get(name) is not drawn.layer
+        ]:
+            self._drawn.pop(name).clear()
+        for name, layer in scene.layers.items():
+            drawn = self._drawn.get(name)
+            if drawn is None:
+                drawn = self._drawn[name] = _KINDS[type(layer)](self, name, layer)
+            drawn.show(scene, eye)
+        self._see(eye)
+
+    def _see(self, eye: Camera) -> None:
+        frame, camera = self._widget.frame, self._scene.camera
+        aspect = frame.width / max(frame.height, 1)
+        camera.set_projection(np.degrees(eye.field), aspect, NEAR, FAR, rendering.Camera.FovType.Vertical)
+        camera.look_at(eye.target, eye.position, [0.0, 1.0, 0.0])
+
+    def _light(self, scene: Scene) -> None:
+        if self._around == (scene.theme, scene.sun):
+            return
+        self._around = scene.theme, scene.sun
+        # Of the background alone Open3D takes the colour for sRGB, and shows it as it is in linear light.
+        self._scene.set_background(np.append(colour(scene.theme.horizon) ** (1 / 2.2), 1.0))
+        world, towards = self._scene.scene, np.array(scene.sun.direction)
+        world.set_sun_light(
+            (-towards / np.linalg.norm(towards)).astype(np.float32), np.ones(3, np.float32), 62_000
+        )
+        world.enable_sun_light(True)
+        world.set_indirect_light_intensity(42_000)
+
+    def _ground(self, scene: Scene) -> None:
+        """The floor fades into the background around its middle; its lines stay where they are."""
+        ground = scene.ground
+        if ground is None:
+            for name in ("floor", "grid"):
+                self.remove(name)
+            self._floor = None
+            return
+        radius = _STEP ** np.ceil(np.log(ground.radius) / np.log(_STEP))
+        every = 5 * ground.spacing
+        middle = np.round(np.array(ground.centre) / every) * every
+        if self._floor != (made := (radius, ground.spacing, scene.theme)):
+            self._floor = made
+            self.add("floor", mesh_of(_floor(radius + every, scene.theme)), material("defaultUnlit"))
+            self.add(
+                "grid",
+                lines_of(*_grid(ground, radius, scene.theme)),
+                material("unlitLine", line_width=1.2 * self._pixels),
+            )
+        for name, lift in (("floor", 0.0), ("grid", _LIFT / 2)):
+            place = np.eye(4)
+            place[:3, 3] = [middle[0], lift, middle[1]]
+            self.place(name, place)
+
+    # What the layers draw with
+
+    def add(self, name: str, geometry: Any, how: Any) -> None:
+        """Draw a geometry in place of the one that had this name."""
+        self.remove(name)
+        self._scene.add_geometry(name, geometry, how, False)
+        self._scene.scene.set_geometry_culling(
+            name, False
+        )  # its bounds are not those of where it is moved to
+
+    def remove(self, name: str) -> None:
+        if self._scene.has_geometry(name):
+            self._scene.remove_geometry(name)
+
+    def place(self, name: str, transform: Array) -> None:
+        self._scene.set_geometry_transform(name, transform)
+
+    def has(self, name: str) -> bool:
+        return bool(self._scene.has_geometry(name))
+
+    @property
+    def pixels(self) -> float:
+        return self._pixels
+
+    @property
+    def widget(self) -> Any:
+        return self._widget
+
+
+class _Drawn:
+    """One layer as it is drawn."""
+
+    def __init__(self, drawing: Drawing, name: str, layer: Any) -> None:
+        self.drawing, self.name, self.layer = drawing, name, layer
+        self._seen: tuple[int, bool] | None = None
+
+    def show(self, scene: Scene, eye: Camera) -> None:
+        now = self.layer.revision, self.layer.visible
+        if now != self._seen:
+            self._seen = now
+            if self.layer.visible:
+                self.change(scene)
+            else:
+                self.clear()
+        if self.layer.visible:
+            self.follow(eye)
+
+    def change(self, scene: Scene) -> None:
+        """Draw the layer as it is now."""
+        raise NotImplementedError
+
+    def follow(self, eye: Camera) -> None:
+        """What there is to do in every frame."""
+
+    def clear(self) -> None:
+        """Draw nothing of it."""
+        raise NotImplementedError
+
+
+class _Parts(_Drawn):
+    """Solids: each part is a geometry that is moved, and so is its shadow."""
+
+    layer: Solids
+    _made: tuple[Any, ...] = ()
+    _names: tuple[tuple[str, str | None], ...] = ()
+
+    def change(self, scene: Scene) -> None:
+        layer = self.layer
+        made = (len(layer.transforms), tuple(map(id, layer.parts)), layer.opacity, layer.shadow, scene.theme)
+        if made != self._made:
+            self.clear()
+            self._made, self._names = made, tuple(self._make(scene))
+        poses = np.zeros((*layer.transforms.shape[:2], 4, 4))
+        poses[..., :3, :], poses[..., 3, 3] = layer.transforms, 1.0
+        shades = pressed(scene.sun) @ poses
+        for (name, shade), pose, flat in zip(
+            self._names, poses.reshape(-1, 4, 4), shades.reshape(-1, 4, 4), strict=True
+        ):
+            self.drawing.place(name, pose)
+            if shade is not None:
+                self.drawing.place(shade, flat)
+
+    def _make(self, scene: Scene) -> Iterator[tuple[str, str | None]]:
+        layer = self.layer
+        shapes_made = [mesh_of(part) for part in layer.parts]
+        outlines = [mesh_of(part, shade_of(scene)) for part in layer.parts]
+        for n in range(len(layer.transforms)):
+            for k, (shape, outline) in enumerate(zip(shapes_made, outlines, strict=True)):
+                name, shade = f"{self.name} {n} {k}", f"{self.name} {n} {k} shadow"
+                self.drawing.add(name, shape, solid(layer.opacity))
+                if layer.shadow:
+                    self.drawing.add(shade, outline, material("defaultUnlit"))
+                yield name, shade if layer.shadow else None
+
+    def clear(self) -> None:
+        for name in [each for pair in self._names for each in pair if each is not None]:
+            self.drawing.remove(name)
+        self._made, self._names = (), ()
+
+
+class _Whole(_Drawn):
+    """A surface or arrows: a geometry that is made anew when it changes."""
+
+    layer: Surface | Arrows
+
+    def change(self, scene: Scene) -> None:
+        layer = self.layer
+        self.clear()
+        if isinstance(layer, Arrows):
+            mesh, opacity = shapes.arrows(layer.origins, layer.vectors, layer.colours, layer.radius), 1.0
+        else:
+            mesh, opacity = layer.mesh, layer.opacity
+        if not len(mesh.triangles) or not np.isfinite(mesh.vertices).all():
+            return
+        self.drawing.add(self.name, mesh_of(mesh), solid(opacity))
+        if layer.shadow:
+            shade = f"{self.name} shadow"
+            self.drawing.add(shade, mesh_of(mesh, shade_of(scene)), material("defaultUnlit"))
+            self.drawing.place(shade, pressed(scene.sun))
+
+    def clear(self) -> None:
+        self.drawing.remove(self.name)
+        self.drawing.remove(f"{self.name} shadow")
+
+
+class _Strokes(_Drawn):
+    """Lines or points."""
+
+    layer: Lines | Points
+
+    def change(self, scene: Scene) -> None:
+        layer = self.layer
+        self.clear()
+        pixels = self.drawing.pixels
+        if isinstance(layer, Lines):
+            begin, end = layer.pieces()
+            known = np.asarray(np.isfinite(layer.points).all(axis=1))
+            points = np.where(known[:, None], layer.points, 0.0)
+            # Open3D crashes on lines that all are without a length.
+            keep = (
+                known[begin]
+                & known[end]
+                & (np.abs(points[end] - points[begin]).max(axis=-1, initial=0) > 1e-5)
+            )
+            pieces = np.stack([begin, end], -1)[keep]
+            if len(pieces):
+                shades = np.broadcast_to(layer.colours, layer.points.shape)[pieces[:, 0]]
+                self.drawing.add(
+                    self.name,
+                    lines_of(points, pieces, shades),
+                    material("unlitLine", line_width=layer.width * pixels),
+                )
+        else:
+            known = np.asarray(np.isfinite(layer.positions).all(axis=1))
+            if known.any():
+                cloud = o3d.geometry.PointCloud(
+                    o3d.utility.Vector3dVector(layer.positions[known].astype(np.float64))
+                )
+                shades = np.broadcast_to(layer.colours, layer.positions.shape)[known]
+                cloud.colors = o3d.utility.Vector3dVector(shades.astype(np.float64))
+                self.drawing.add(self.name, cloud, material("defaultUnlit", point_size=layer.size * pixels))
+        self._there = self.drawing.has(self.name)
+
+    def follow(self, eye: Camera) -> None:
+        if self._there and self.layer.through > 0:
+            nearer = np.eye(4) * [_BEFORE, _BEFORE, _BEFORE, 1.0]
+            nearer[:3, 3] = (1 - _BEFORE) * eye.position
+            self.drawing.place(self.name, nearer)
+
+    def clear(self) -> None:
+        self.drawing.remove(self.name)
+
+
+class _Words(_Drawn):
+    """Labels: widgets of the window."""
+
+    layer: Labels
+
+    def __init__(self, drawing: Drawing, name: str, layer: Labels) -> None:
+        super().__init__(drawing, name, layer)
+        self._labels: list[Any] = []
+
+    def change(self, scene: Scene) -> None:
+        layer = self.layer
+        while len(self._labels) > len(layer.texts):
+            self.drawing.widget.remove_3d_label(self._labels.pop())
+        ink = colour(scene.theme.ink) if layer.colours is None else layer.colours
+        shades = np.broadcast_to(ink, layer.positions.shape)
+        for k, (words, place, shade) in enumerate(zip(layer.texts, layer.positions, shades, strict=True)):
+            if k == len(self._labels):
+                self._labels.append(self.drawing.widget.add_3d_label(place, words))
+            label = self._labels[k]
+            label.text, label.position = words, place
+            label.color, label.scale = gui.Color(*map(float, shade)), layer.size / 18
+
+    def clear(self) -> None:
+        while self._labels:
+            self.drawing.widget.remove_3d_label(self._labels.pop())
+
+
+_KINDS: dict[type[Layer], type[_Drawn]] = {
+    Solids: _Parts,
+    Surface: _Whole,
+    Arrows: _Whole,
+    Lines: _Strokes,
+    Points: _Strokes,
+    Labels: _Words,
+}
+
+
+def material(shader: str, **values: Any) -> Any:
+    """An Open3D material of one of its shaders."""
+    made = rendering.MaterialRecord()
+    made.shader = shader
+    for name, value in values.items():
+        setattr(made, name, value)
+    return made
+
+
+def solid(opacity: float) -> Any:
+    """The material of lit bodies."""
+    shader = "defaultLit" if opacity >= 1 else "defaultLitTransparency"
+    return material(shader, base_color=[1.0, 1.0, 1.0, opacity], base_roughness=0.75, base_reflectance=0.25)
+
+
+def mesh_of(mesh: Mesh, shade: Floats | None = None) -> Any:
+    """An Open3D mesh, of one colour instead of its own if one is given."""
+    made = o3d.geometry.TriangleMesh(
+        o3d.utility.Vector3dVector(mesh.vertices.astype(np.float64)),
+        o3d.utility.Vector3iVector(mesh.triangles),
+    )
+    made.vertex_normals = o3d.utility.Vector3dVector(mesh.normals.astype(np.float64))
+    colours = mesh.colours if shade is None else np.broadcast_to(shade, mesh.vertices.shape)
+    made.vertex_colors = o3d.utility.Vector3dVector(colours.astype(np.float64))
+    return made
+
+
+def lines_of(points: ArrayLike, pieces: ArrayLike, colours: ArrayLike) -> Any:
+    """Open3D lines: points [P, 3], pieces [L, 2] between them, colours [L, 3]."""
+    made = o3d.geometry.LineSet(
+        o3d.utility.Vector3dVector(np.asarray(points, np.float64)),
+        o3d.utility.Vector2iVector(np.asarray(pieces, np.int32)),
+    )
+    made.colors = o3d.utility.Vector3dVector(np.asarray(colours, np.float64))
+    return made
+
+
+def pressed(sun: Sun) -> Array:
+    """From the world to its shadows on the ground, [4, 4]."""
+    x, y, z = sun.direction
+    return np.array([[1, -x / y, 0, 0], [0, 0, 0, _LIFT], [0, -z / y, 1, 0], [0, 0, 0, 1.0]])
+
+
+def shade_of(scene: Scene) -> Floats:
+    """The colour of ground in the shade."""
+    return np.asarray(colour(scene.theme.floor) * np.sqrt(1 - scene.sun.shadow), np.float32)
+
+
+def _faded(theme: Theme, name: str, far: Array, radius: float) -> Floats:
+    """A theme's colour that goes over into the horizon's with the distance."""
+    left = np.clip(1 - far / radius, 0, 1)[:, None] ** 1.5
+    return np.asarray(colour(getattr(theme, name)) * left + colour(theme.horizon) * (1 - left), np.float32)
+
+
+def _floor(radius: float, theme: Theme) -> Mesh:
+    """A disc around the origin."""
+    angles = np.arange(_AROUND) * (2 * np.pi / _AROUND)
+    far = np.repeat(np.linspace(0, radius, _RINGS + 1), _AROUND)
+    turn = np.tile(angles, _RINGS + 1)
+    vertices = np.stack([far * np.sin(turn), 0 * far, far * np.cos(turn)], -1)
+    k, n = np.arange(_AROUND), (np.arange(_AROUND) + 1) % _AROUND
+    faces = [
+        np.stack(corners, -1)
+        for r in range(0, _RINGS * _AROUND, _AROUND)
+        for corners in ((r + k, r + _AROUND + k, r + n), (r + n, r + _AROUND + k, r + _AROUND + n))
+    ]
+    up = np.broadcast_to(np.array([0, 1, 0], np.float32), vertices.shape)
+    return Mesh(vertices.astype(np.float32), up, np.concatenate(faces), _faded(theme, "floor", far, radius))
+
+
+def _grid(ground: Ground, radius: float, theme: Theme) -> tuple[Array, Array, Floats]:
+    """Points, pieces and their colours of lines around the origin; every fifth is stronger."""
+    cells = int(np.ceil(radius / ground.spacing))
+    places = np.arange(-cells, cells + 1)
+    x, z = np.meshgrid(places, places, indexing="ij")
+    points = ground.spacing * np.stack([x, 0 * x, z], -1).reshape(-1, 3)
+    index = np.arange(len(places) ** 2).reshape(len(places), -1)
+    pieces, strong = [], []
+    for begin, end, across in ((index[:-1], index[1:], z[:-1]), (index[:, :-1], index[:, 1:], x[:, :-1])):
+        pieces.append(np.stack([begin.ravel(), end.ravel()], -1))
+        strong.append(across.ravel() % 5 == 0)
+    both, fifth = np.concatenate(pieces), np.concatenate(strong)
+    far = np.linalg.norm(points[both].mean(axis=1), axis=-1)
+    faint = np.where(fifth, 1.0, 0.55)[:, None]
+    floor = _faded(theme, "floor", far, radius + 5 * ground.spacing)
+    shades = floor + faint * np.clip(1 - far / radius, 0, 1)[:, None] * (colour(theme.lines) - floor)
+    near = far < radius
+    return points, both[near], shades[near].astype(np.float32)

@@ -1,0 +1,251 @@
+"""The window's side: tabs of systems, settings, what is drawn, why a search ended as it did, and plots."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+import open3d as o3d
+from open3d.visualization import gui
+
+from motion.errors import UserError
+
+from .. import layers, panel
+from ..controls import KEYS
+from ..tuning import Slider, Tuning
+from . import searches
+from .eye import KINDS
+from .players import Players
+
+TABS = ("Systems", "Settings", "Show", "Search", "Plots")
+SEARCH_SIZE = (440, 560)
+_AFTER = "space: pause or go on   . and ,: a step on and back   M: slow   R: reset"
+
+
+class Side:
+    """The tabs.
+
+    Parameters
+    ----------
+    players : whom they tell of, and change.
+    em : pixels of a letter's height.
+    on_players : called when others play than before.
+    tell : shows a user a line.
+    """
+
+    def __init__(
+        self,
+        window: Any,
+        players: Players,
+        em: float,
+        *,
+        on_players: Callable[[], None],
+        on_camera: Callable[[str], None],
+        tell: Callable[[str], None],
+    ) -> None:
+        self._window, self._players, self._em, self._tell = window, players, em, tell
+        self._on_players, self._on_camera = on_players, on_camera
+        self.widget = gui.TabControl()
+        self.sliders: dict[str, Any] = {}
+        self._tuned = players.names[0] if players.names else ""
+        self._settings = gui.WidgetProxy()
+        self._picture, self._plot = gui.ImageWidget(), gui.ImageWidget()
+        self._plotted: tuple[int, ...] = ()
+        for name, made in zip(
+            TABS, (self._systems(), self._tuning(), self._show(), self._picture, self._plot), strict=True
+        ):
+            self.widget.add_tab(name, made)
+
+    # What is told, a few times a second
+
+    def refresh(self, time: float, errors: Any) -> None:
+        """Tell of a time, as far as it is seen."""
+        self._state.text = "\n".join([*(f"{n}: {e}" for n, e in errors.items()), *self._working()])
+        tab = TABS[self.widget.selected_tab_index]
+        players = self._players
+        if tab == "Search":
+            scale = self._em / 15
+            size = round(SEARCH_SIZE[0] * scale), round(SEARCH_SIZE[1] * scale)
+            try:
+                found = players.first.explanation(time)
+            except UserError as error:
+                self._tell(str(error))
+                found = None
+            self._put(self._picture, searches.drawn(found, players.stage.scene.theme, size, scale))
+        elif tab == "Plots":
+            self._put(self._plot, self.plots(time))
+
+    def plots(self, time: float) -> Any:
+        """The panels of all, one below the other, uint8 [H, W, 3]."""
+        theme, made = self._players.stage.scene.theme, []
+        for member in self._players.members[:3]:
+            told = panel.Gauge(
+                member, tuple(panel.PARTS), since=member.timeline.step_at(time - panel.HISTORY - 1)
+            )
+            stamp = panel.drawn(told.at(time), theme, 1.4 * self._em / 15)
+            made.append(stamp[..., :3])
+        return np.concatenate(made)
+
+    def _put(self, widget: Any, picture: Any) -> None:
+        # A texture keeps its size: one of another size would be a new one, and the old ones are kept.
+        height = round(SEARCH_SIZE[1] * self._em / 15)
+        room = np.full((max(height, 1), picture.shape[1], 3), 240, np.uint8)
+        room[: len(picture)] = picture[:height]
+        image: Any = o3d.geometry.Image  # its stubs do not know arrays for buffers
+        widget.update_image(image(room))
+
+    def _working(self) -> list[str]:
+        return [f"{name}: being made anew" for name in self._players.workshop.busy]
+
+    # Tabs
+
+    def _systems(self) -> Any:
+        column = gui.Vert(0.4 * self._em, gui.Margins(0.5 * self._em, 0.5 * self._em, 0, 0))
+        for name in self._players.tunings:
+            box = gui.Checkbox(name)
+            box.checked = name in self._players.names
+            box.set_on_checked(partial(self._choose, name))
+            column.add_child(box)
+        for member in self._players.recorded:
+            column.add_child(gui.Label(member.name))
+        self._state = gui.Label("")
+        column.add_child(self._state)
+        lines = [f"{key.lower()}: {binding.about}" for key, binding in KEYS.items()]
+        for line in [*lines, *_AFTER.split("   ")]:
+            column.add_child(gui.Label(line))
+        return column
+
+    def _choose(self, name: str, on: bool) -> None:
+        players = self._players
+        wanted = [n for n in players.tunings if (on if n == name else n in players.names)]
+        if not wanted and not players.recorded:
+            self._tell("one system has to stay")
+            return
+        players.choose(wanted)
+        self._on_players()
+
+    def _show(self) -> Any:
+        column = gui.Vert(0.4 * self._em, gui.Margins(0.5 * self._em, 0.5 * self._em, 0, 0))
+        self.shown: dict[str, Any] = {}
+        for name, (about, _) in layers.DRAWN.items():
+            box = self.shown[name] = gui.Checkbox(name)
+            box.checked, box.tooltip = name in self._players.shown, about
+            box.set_on_checked(partial(self.show, name))
+            column.add_child(box)
+        ghost = gui.Checkbox("ghost: the second of two in the first one's place")
+        ghost.checked = self._players.ghost
+        ghost.set_on_checked(self._set_ghost)
+        column.add_child(ghost)
+        column.add_child(gui.Label("camera"))
+        kinds = gui.Combobox()
+        for kind in KINDS:
+            kinds.add_item(kind)
+        kinds.set_on_selection_changed(lambda name, _: self._on_camera(name))
+        column.add_child(kinds)
+        return column
+
+    def show(self, name: str, on: bool) -> None:
+        """Draw something about characters, or no more."""
+        (self._players.shown.add if on else self._players.shown.discard)(name)
+        self._players.dress()
+
+    def _set_ghost(self, on: bool) -> None:
+        self._players.ghost = on
+        self._players.dress()
+
+    def _tuning(self) -> Any:
+        column = gui.Vert(0.4 * self._em, gui.Margins(0.5 * self._em, 0.5 * self._em, 0, 0))
+        if not self._players.tunings:
+            column.add_child(gui.Label("nobody is driven"))
+            return column
+        who = gui.Combobox()
+        for name in self._players.tunings:
+            who.add_item(name)
+        who.selected_text = self._tuned
+        who.set_on_selection_changed(lambda name, _: self._tune(name))
+        buttons = gui.Horiz(0.3 * self._em)
+        for words, what in (("Reset", self._reset), ("Load...", self._load), ("Save...", self._save)):
+            button = gui.Button(words)
+            button.set_on_clicked(what)
+            buttons.add_child(button)
+        for child in (who, buttons, self._settings):
+            column.add_child(child)
+        self._tune(self._tuned)
+        return column
+
+    def _tune(self, name: str) -> None:
+        """The sliders of a system."""
+        self._tuned, self.sliders = name, {}
+        tuning = self._players.tunings[name]
+        rows = gui.ScrollableVert(0.25 * self._em)
+        for slider in tuning.sliders:
+            self._row(rows, slider, getattr(tuning.settings, slider.name), tuning.set)
+        for slider in tuning.weight_sliders:
+            weight = tuning.weights.get(slider.name, slider.default)
+            self._row(rows, slider, weight, tuning.set_weight)
+        self._settings.set_widget(rows)
+
+    def _row(self, rows: Any, slider: Slider, value: Any, change: Callable[[str, Any], bool]) -> None:
+        def moved(now: Any) -> None:
+            try:
+                rebuilds = change(slider.name, now)
+            except UserError as error:
+                self._tell(str(error))
+                return
+            self._players.tune(self._tuned, rebuilds)
+
+        title = f"{slider.name.replace('_', ' ')}{f' ({slider.unit})' if slider.unit else ''}"
+        widget: Any
+        if slider.kind == "switch":
+            widget = gui.Checkbox(title)
+            widget.checked = bool(value)
+            widget.set_on_checked(moved)
+        elif slider.kind == "choice":
+            rows.add_child(gui.Label(title))
+            widget = gui.Combobox()
+            for choice in slider.choices:
+                widget.add_item(str(choice))
+            widget.selected_text = str(value)
+            widget.set_on_selection_changed(lambda text, _: moved(text))
+        else:
+            rows.add_child(gui.Label(title if value is not None else f"{title}: told by the data"))
+            widget = gui.Slider(gui.Slider.DOUBLE)
+            widget.set_limits(slider.low, slider.high)
+            widget.double_value = slider.low if value is None else float(value)
+            widget.set_on_value_changed(moved)
+        widget.tooltip = slider.about
+        self.sliders[slider.name] = widget
+        rows.add_child(widget)
+
+    def _reset(self) -> None:
+        rebuilds = self._players.tunings[self._tuned].reset()
+        self._tuned_anew(rebuilds)
+
+    def _tuned_anew(self, rebuilds: bool) -> None:
+        self._players.tune(self._tuned, rebuilds)
+        self._tune(self._tuned)
+
+    def _load(self) -> None:
+        def load(tuning: Tuning, path: str) -> None:
+            self._tuned_anew(tuning.load(path))
+
+        self._ask(gui.FileDialog.OPEN, "Settings to load", load)
+
+    def _save(self) -> None:
+        self._ask(gui.FileDialog.SAVE, "Where to save the settings", Tuning.save)
+
+    def _ask(self, mode: Any, title: str, then: Callable[[Tuning, str], None]) -> None:
+        def done(path: str) -> None:
+            self._window.close_dialog()
+            try:
+                then(self._players.tunings[self._tuned], path)
+            except UserError as error:
+                self._tell(str(error))
+
+        dialog = gui.FileDialog(mode, title, self._window.theme)
+        dialog.add_filter(".toml", "settings (.toml)")
+        dialog.set_on_cancel(self._window.close_dialog)
+        dialog.set_on_done(done)
+        self._window.show_dialog(dialog)
