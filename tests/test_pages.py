@@ -14,7 +14,7 @@ import page_html
 import pandas as pd
 import pytest
 
-from bench import colours, pages, plots
+from bench import colours, columns, pages, plots
 from bench.memory import page as memory_page
 from bench.memory.measure import Memory
 from bench.memory.pareto import with_fronts
@@ -128,6 +128,31 @@ def test_systems_have_a_colour_each_and_families_a_hue():
 )
 def test_numbers(value, digits, expected):
     assert pages.number(value, digits) == expected
+
+
+def test_worth_is_shown_of_what_is_known_and_names_whom_none_cheaper_beats():
+    rows = pd.DataFrame({"system": SYSTEMS[:3], "frame_mean_us": [50.0, 60.0, 200.0]})
+    assert plots.worth(rows, COLOURS) is None
+    rows["skate_cm_s"], rows["path_cm"] = [9.0, 9.5, 5.0], np.nan
+    (axes,) = plots.worth(rows, COLOURS).axes
+    assert [text.get_text() for text in axes.texts] == ["mm-exact", "lmm-PSD"]
+    assert axes.get_ylabel() == "foot skate, cm/s"
+
+
+def test_crowds_are_a_line_a_system():
+    rows = pd.DataFrame(
+        {"system": ["mm-exact", "mm-exact", "lmm-PSD"], "characters": [1, 16, 16], "us": [9.0, 4.0, 3.0]}
+    )
+    (axes,) = plots.crowd(rows, COLOURS).axes
+    lines = {line.get_label(): (list(line.get_xdata()), line.get_color()) for line in axes.lines}
+    assert lines == {"mm-exact": ([1, 16], COLOURS["mm-exact"]), "lmm-PSD": ([16], COLOURS["lmm-PSD"])}
+
+
+def test_the_best_of_a_column_are_those_shown_alike_unless_many_are():
+    least, one = columns.Column("x", "x", "cm", 1, ""), columns.Column("x", "x", "", 2, "", "near one")
+    assert list(least.best(pd.Series([1.02, 1.04, 2.0, np.nan, 3.0]))) == [True, True, False, False, False]
+    assert not least.best(pd.Series([1.0, 1.0, 2.0])).any()
+    assert list(one.best(pd.Series([0.5, 1.1, 1.3]))) == [False, True, False]
 
 
 ACTIONS = """
