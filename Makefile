@@ -41,7 +41,7 @@ endif
 	@test -e "$(DATA)" || { \
 	  echo "error: no clips at $(DATA); say where yours are: make demo DATA=FOLDER (BVH or ASF/AMC)" >&2; exit 2; }
 	$(BIN)/python -m bench compare "$(DATA)" $(if $(TAGS),--tags "$(TAGS)") $(if $(MODEL),--model "$(MODEL)") \
-	  $(if $(SYSTEMS),--systems "$(SYSTEMS)") $(foreach pattern,$(EXCLUDE),--exclude '$(pattern)') -o "$(OUT)"
+	  $(if $(SYSTEMS),--systems "$(SYSTEMS)") $(foreach pattern,$(EXCLUDE),--exclude '$(pattern)') --repeats 1 --no-crowds -o "$(OUT)"
 
 # Their fingerprints are checked by tests/test_lmm_pretrained.py.
 PRETRAINED := out/pretrained

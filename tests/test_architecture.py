@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = [p for p in ("motion", "features", "mm", "lmm", "bench", "viewer") if (ROOT / p).is_dir()]
 COMMANDS = [p for p in PACKAGES if (ROOT / p / "__main__.py").is_file()]
 TRAINING = ROOT / "lmm" / "training"  # of the whole program the part that needs torch
-EXTRAS = ["torch", "open3d", "onnx", "onnxruntime", "pygltflib", "pybvh", "av"]
+EXTRAS = ["torch", "open3d", "onnx", "onnxruntime", "pygltflib", "pybvh", "av", "pyarrow"]
 SLOW = [
     "matplotlib",
     "pandas",
