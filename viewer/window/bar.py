@@ -13,6 +13,7 @@ from motion.errors import UserError
 from .players import Players
 
 SLOW = 0.2  # of real time
+_NOTCH = 0.02  # seconds by which the slider has to be moved
 JUMPS = {"transition": "transition", "slide": "slide", "peak": "cost peak"}
 
 
@@ -23,9 +24,9 @@ class Bar:
         self._players, self._tell = players, tell
         self.widget = gui.Vert(0.2 * em, gui.Margins(0.5 * em, 0.2 * em, 0.5 * em, 0.2 * em))
         self.slider = gui.Slider(gui.Slider.DOUBLE)
-        self.slider.set_on_value_changed(lambda moment: self.scrub(float(moment)))
+        self.slider.set_on_value_changed(lambda moment: self._slid(float(moment)))
         buttons = gui.Horiz(0.3 * em)
-        self._now = 0.0
+        self._now = self._set = 0.0
         self._play = gui.Button("Pause")
         self._slow = gui.Button("Slow")
         self._words = gui.Label(" " * 24)
@@ -50,10 +51,15 @@ class Bar:
         self._now = now
         begin, end = session.begin, max(session.time, session.begin + 1e-3)
         self.slider.set_limits(begin, end)
-        self.slider.double_value = min(max(now, begin), end)
+        self.slider.double_value = self._set = min(max(now, begin), end)
         self._play.text = "Go on" if session.paused else "Pause"
         self._slow.text = "Slow" if session.speed == 1 else "Not slow"
         self._words.text = f"{now:.2f} s" + (f" of {end:.2f}" if not live else "")
+
+    def _slid(self, moment: float) -> None:
+        # It also tells of values that it was set to.
+        if abs(moment - self._set) > _NOTCH:
+            self.scrub(moment)
 
     def scrub(self, moment: float) -> None:
         self._players.do(lambda session: session.scrub(moment))

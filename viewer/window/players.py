@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from features.terrain import Ground, flat
-from mm import course as courses
+from mm import courses
 from mm.runs import fitted
 from motion import config
 from motion.errors import UserError

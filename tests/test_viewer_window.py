@@ -1,0 +1,145 @@
+"""viewer.window: it opens on an X display, keys drive, sliders tune, the timeline scrubs, a person is seen."""
+
+from __future__ import annotations
+
+import ctypes.util
+import importlib.util
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from viewer.replay import Replay
+from viewer.window.eye import Eye
+
+HERE = Path(__file__).parent
+MISSING = [
+    what
+    for what, there in (
+        ("open3d", importlib.util.find_spec("open3d")),
+        ("xvfb-run", shutil.which("xvfb-run")),
+        ("libXtst", ctypes.util.find_library("Xtst")),
+        ("libvulkan", ctypes.util.find_library("vulkan")),
+    )
+    if not there
+]
+opens = pytest.mark.skipif(bool(MISSING), reason=f"no {', '.join(MISSING)}")
+
+
+@pytest.fixture(scope="module")
+def told(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], Path]:
+    folder = tmp_path_factory.mktemp("window")
+    command = [
+        "xvfb-run",
+        "-a",
+        "-s",
+        "-screen 0 800x520x24",
+        sys.executable,
+        HERE / "window_driver.py",
+        folder,
+    ]
+    done = subprocess.run(
+        command,
+        cwd=HERE.parent,
+        env={**os.environ, "PYTHONPATH": "."},
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert done.stdout.rstrip().endswith("closed"), done.stdout + done.stderr
+    return json.loads((folder / "told.json").read_text()), folder
+
+
+@opens
+def test_keys_drive_ahead_and_to_the_left(told: tuple[dict[str, Any], Path]) -> None:
+    start, ahead, left = (told[0][name] for name in ("start", "ahead", "left"))
+    assert told[0]["w known"] and told[0]["a known"]
+    assert ahead["z"] - start["z"] > 0.8
+    assert abs(ahead["x"] - start["x"]) < 0.4
+    assert left["x"] - ahead["x"] > 0.3
+    assert left["yaw"] > 0.4
+
+
+@opens
+def test_settings_reach_the_system_and_the_timeline_scrubs(told: tuple[dict[str, Any], Path]) -> None:
+    assert told[0]["setting after"] == 0.9 != told[0]["setting before"]
+    assert told[0]["paused"]
+    assert told[0]["scrubbed"]["z"] == pytest.approx(told[0]["ahead"]["z"], abs=0.1)
+    assert {"velocity_halflife", "continuing_bias", "foot_lock"} <= set(told[0]["sliders"])
+
+
+@opens
+def test_the_picture_is_what_the_other_renderer_draws(told: tuple[dict[str, Any], Path]) -> None:
+    plain, seen = (
+        np.asarray(Image.open(told[1] / f"{name}.png")).astype(int) for name in ("plain", "window")
+    )
+    for red, blue in ((0, 2), (2, 0)):  # the left of the body, its right
+        there, here = (picture[..., red] - picture[..., blue] > 45 for picture in (plain, seen))
+        assert there.sum() > 300
+        assert (there & here).sum() > 0.7 * there.sum()
+        assert here.sum() < 1.4 * there.sum()
+
+
+@pytest.mark.parametrize(
+    ("missing", "says"), [("display", "there is no display"), ("open3d", "open3d is not installed")]
+)
+@opens
+def test_what_is_missing_is_said_in_a_line(missing: str, says: str) -> None:
+    block = "import sys; sys.modules['open3d'] = None;" if missing == "open3d" else ""
+    code = f"{block} from viewer.cli import main; main(['dancecard', '--systems', 'lmm'])"
+    env = {name: value for name, value in os.environ.items() if name != "DISPLAY"}
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=HERE.parent, env=env, capture_output=True, text=True
+    )
+    assert done.returncode == 2
+    assert done.stderr.splitlines()[-1].startswith("error: ") and says in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_the_viewer_is_imported_without_open3d() -> None:
+    code = "import sys; sys.modules['open3d'] = None; import viewer, viewer.cli, viewer.window, viewer.window.players"
+    subprocess.run([sys.executable, "-c", code], cwd=HERE.parent, check=True)
+
+
+def test_an_eye_behind_someone_looks_where_they_face() -> None:
+    eye = Eye([0, 1, 0], azimuth=np.pi, elevation=0.2, distance=4.0)
+    assert eye.yaw == pytest.approx(0.0)
+    assert eye.now().position[2] < 0
+    eye.drag(-100, 0)  # the mouse to the left: the camera goes to the right of them, and looks to the left
+    assert eye.yaw > 0
+    eye.zoom(1)
+    assert eye.distance < 4
+    seen = eye.move([5, 1, 0], 10.0)
+    np.testing.assert_allclose(seen.target, [5, 1, 0], atol=1e-6)
+
+
+def test_a_replay_begins_again_and_steps() -> None:
+    class Line:
+        fps, end = 10.0, 2.0
+
+        def at(self, time: float) -> float:
+            return time
+
+    class One:
+        name, timeline = "one", Line()
+
+    replay = Replay([One()])  # type: ignore[list-item]
+    for _ in range(5):
+        replay.advance(0.1)
+    assert replay.look().time == pytest.approx(0.5)
+    replay.single_step()
+    assert replay.paused and replay.shown == pytest.approx(0.6)
+    replay.single_step(back=True)
+    replay.single_step(back=True)
+    assert replay.shown == pytest.approx(0.4)
+    replay.scrub(1.95)
+    replay.resume()
+    replay.advance(0.2)
+    assert replay.shown == 0.0
