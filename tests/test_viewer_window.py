@@ -1,4 +1,4 @@
-"""viewer.window: it opens on an X display, keys drive, sliders tune, the timeline scrubs, a person is seen."""
+"""viewer.window: it opens, keys drive, settings tune, the timeline scrubs, a person is seen."""
 
 from __future__ import annotations
 
@@ -92,8 +92,8 @@ def test_the_picture_is_what_the_other_renderer_draws(told: tuple[dict[str, Any]
 )
 @opens
 def test_what_is_missing_is_said_in_a_line(missing: str, says: str) -> None:
-    block = "import sys; sys.modules['open3d'] = None;" if missing == "open3d" else ""
-    code = f"{block} from viewer.cli import main; main(['dancecard', '--systems', 'lmm'])"
+    block = "import sys; sys.modules['open3d'] = None; " if missing == "open3d" else ""
+    code = f"{block}from viewer.cli import main; main(['dancecard', '--systems', 'lmm'])"
     env = {name: value for name, value in os.environ.items() if name != "DISPLAY"}
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=HERE.parent, env=env, capture_output=True, text=True
@@ -104,7 +104,7 @@ def test_what_is_missing_is_said_in_a_line(missing: str, says: str) -> None:
 
 
 def test_the_viewer_is_imported_without_open3d() -> None:
-    code = "import sys; sys.modules['open3d'] = None; import viewer, viewer.cli, viewer.window, viewer.window.players"
+    code = "import sys; sys.modules['open3d'] = None; import viewer.cli, viewer.window.players"
     subprocess.run([sys.executable, "-c", code], cwd=HERE.parent, check=True)
 
 
