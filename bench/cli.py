@@ -255,7 +255,7 @@ def coverage(
     over the courses; covered is what it does that the data has within 0.25 m/s, 22.5 degrees and 30 degrees a
     second. With -o the folder gets coverage.png (heat maps), holes.csv and courses.csv.
     """
-    from mm import course as known_courses
+    from mm import courses as known_courses
 
     from . import compare as comparing
     from . import coverage as covering

@@ -16,7 +16,7 @@ import pandas as pd
 
 from features import terrain
 from features.terrain import Heightmap
-from mm import course as courses_
+from mm import courses as courses_
 from mm import quality, speeds
 from mm.control import System
 from mm.course import Course

@@ -124,7 +124,7 @@ def compare(
     With --heights all walk on uneven ground as with `mm run`; heights of feet are then those above what is
     beneath them, and how deep feet sink into the ground and how high they hover over it is told, too.
     """
-    from mm import course as known_courses
+    from mm import courses as known_courses
 
     from . import compare as comparing
     from . import models as learning

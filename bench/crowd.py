@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mm import course as courses
+from mm import courses
 from mm.control import System
 from mm.controller import Controller, build_index
 from mm.course import Course

@@ -62,7 +62,7 @@ def courses(
     row a course for a few systems, and no more than that: cost, memory and film strips are in the report that
     -o writes, beside a picture of each course as it was played, COURSE.png.
     """
-    from mm import course as library
+    from mm import courses as library
 
     from . import compare as comparing
     from . import report, tables

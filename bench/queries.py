@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mm import course as courses
-from mm import search
+from mm import courses, search
 from mm.controller import build_index
 from mm.course import Course
 from mm.database import Database

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mm import course as courses
+from mm import courses
 from mm.controller import Controller, build_index
 from mm.database import Database
 from mm.description import anatomy_of

@@ -6,17 +6,14 @@ What a user once did is a script, too (`mm.recorded`).
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from importlib import resources
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from motion import config, files
+from motion import config
 from motion.config import ConfigError
 from motion.errors import UserError
 
@@ -373,38 +370,6 @@ class Course:
 def _describe_scale(scale: Mapping[str, float], cap: float) -> str:
     parts = f"walk x {scale['walk']:.3g}, run x {scale['run']:.3g}, lengths x {scale['size']:.3g}"
     return f"scaled: {parts}" + (f", at most {cap:.3g} m/s" if math.isfinite(cap) else "")
-
-
-def names() -> list[str]:
-    """The ready-made courses."""
-    return sorted(Path(entry.name).stem for entry in _folder().iterdir() if entry.name.endswith(".toml"))
-
-
-def load(name_or_path: str | os.PathLike[str]) -> Course:
-    """A ready-made course by name, one from a TOML file, or one that a user took before (`mm.recorded`).
-
-    An unknown name is a UserError that lists the names; so is a fault in the file, with file and line.
-    """
-    from . import recorded
-
-    text = os.fspath(name_or_path)
-    if text in names():
-        with resources.as_file(_folder() / f"{text}.toml") as path:
-            return _named(config.load(Course, path), text)
-    suffix = Path(text).suffix.lower()
-    if suffix in recorded.FORMATS:
-        return _named(recorded.read(text), Path(text).stem)
-    if suffix != ".toml" and files.kind(text) is None:
-        raise UserError(f"no course {text!r}", remedy=f"give a TOML file or choose from {', '.join(names())}")
-    return _named(config.load(Course, text), Path(text).stem)
-
-
-def _folder() -> Any:
-    return resources.files(__package__) / "courses"
-
-
-def _named(course: Course, name: str) -> Course:
-    return course if course.name else replace(course, name=name)
 
 
 def _check(obj: Any, *, positive: tuple[str, ...] = ()) -> None:

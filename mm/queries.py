@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import course as courses
 from . import search, stages
 from .controller import Controller
 from .course import Course, RandomUser
@@ -144,7 +143,7 @@ def random_user(database: Database, seconds: float, *, seed: int = 0) -> Course:
     crouch = CROUCH if "crouch" in database.tag_names else 0.0
     user = RandomUser(seed=USERS + seed, crouch=crouch)
     seconds = min(max(seconds, 60.0), LONGEST)
-    return at_data_speeds(courses.Course(name=f"random {seed}", random=user, seconds=seconds), database)
+    return at_data_speeds(Course(name=f"random {seed}", random=user, seconds=seconds), database)
 
 
 def index_of(

@@ -95,7 +95,7 @@ def courses(
 
     from motion import templates
 
-    from . import course as library
+    from . import courses as library
     from .drawing import draw
 
     if (plot or output) and not name:

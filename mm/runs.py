@@ -192,7 +192,7 @@ def check_outputs(
     """A UserError where an output cannot be written, or is an input or another output."""
     from motion import files
 
-    from . import course as library
+    from . import courses as library
 
     taken = [*inputs, None if course in library.names() else course]
     for output in filter(None, outputs):
@@ -231,7 +231,7 @@ def _drive(
 
     from motion import config
 
-    from . import course as library
+    from . import courses as library
     from .driver import Driver
     from .grounded import on_ground
     from .recording import record

@@ -13,7 +13,7 @@ from bench import driven, report
 from bench.cli import main
 from lmm.model import Model
 from mm import build
-from mm import course as library
+from mm import courses as library
 from mm.course import Course, VelocityKey
 from mm.database import Database
 from motion import config

@@ -12,7 +12,7 @@ from bench import compare as comparing
 from bench import crowd, kept, systems, tables, timing
 from bench.compare import compare
 from bench.runs import Run, Variant
-from mm import course as courses
+from mm import courses
 from mm.build import build
 from mm.controller import Controller
 from mm.course import Course, VelocityKey, Waypoint

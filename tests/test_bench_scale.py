@@ -13,8 +13,7 @@ from click.testing import CliRunner
 
 from bench.cli import main
 from bench.scale import cli, fits, lengths, measure, page, room
-from mm import build
-from mm import course as courses
+from mm import build, courses
 from mm.nearness import RealPoses, to_nearest
 from motion import dancecard
 from motion.errors import UserError

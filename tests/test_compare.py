@@ -17,7 +17,8 @@ from features import terrain, terrain_made
 from mm import quality
 from mm.build import build
 from mm.controller import Controller
-from mm.course import Circle, Course, VelocityKey, Waypoint, load
+from mm.course import Circle, Course, VelocityKey, Waypoint
+from mm.courses import load
 from mm.driver import Driver
 from mm.driving import natural_seconds
 from mm.recording import Recording

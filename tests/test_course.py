@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from mm import course as courses
-from mm.course import Course, RandomUser, StickKey, VelocityKey, Waypoint
+from mm import courses
+from mm.course import Box, Circle, Course, RandomUser, StickKey, VelocityKey, Waypoint
 from motion import config
 from motion.errors import UserError
 
@@ -199,8 +199,8 @@ def test_a_random_user_who_crouches_does_so_in_its_share():
 def test_obstacles_are_rows_for_a_controller_and_scale_with_the_way():
     course = Course(
         waypoints=TRIANGLE,
-        circles=(courses.Circle(center=(1, 2), radius=0.5),),
-        boxes=(courses.Box(center=(3, 4), size=(2, 6)),),
+        circles=(Circle(center=(1, 2), radius=0.5),),
+        boxes=(Box(center=(3, 4), size=(2, 6)),),
     )
     np.testing.assert_allclose(course.obstacles(), [[1, 2, 0, 0, 0.5], [3, 4, 1, 3, 0]])
     np.testing.assert_allclose(course.scaled(size=2).obstacles(), 2 * course.obstacles())

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 
 from bench.cli import main
 from bench.data import page
-from mm import course
+from mm import courses
 from mm.build import build
 from mm.controller import Controller
 from mm.recording import record
@@ -25,7 +25,7 @@ def folder(walker_files, tmp_path_factory):
     folder = tmp_path_factory.mktemp("data")
     database = build([walker_files], jobs=1)
     database.save(folder / "walker.mmdb")
-    record(Controller(database), course.load("circle"), seconds=3).save(folder / "run.rec")
+    record(Controller(database), courses.load("circle"), seconds=3).save(folder / "run.rec")
     build([walker_files / "run.bvh"], jobs=1).save(folder / "other.mmdb")
     return folder
 

@@ -12,7 +12,7 @@ from bench.data import costs, glitches
 from bench.data.clips import Clips
 from bench.data.glitches import Bounds
 from features import normalise
-from mm import course, quality
+from mm import courses, quality
 from mm.build import build
 from mm.controller import Controller
 from mm.quality import Feet
@@ -36,7 +36,7 @@ def feet(database):
 
 @pytest.fixture(scope="module")
 def recording(database):
-    return record(Controller(database, count=2), course.load("random"), seconds=5)
+    return record(Controller(database, count=2), courses.load("random"), seconds=5)
 
 
 def test_a_stance_slips_by_what_its_foot_slides():

@@ -10,7 +10,7 @@ import pytest
 
 from features import terrain, terrain_made
 from lmm.pfnn.controller import PhaseController
-from mm import course as courses
+from mm import courses
 from mm.build import build
 from mm.control import Command
 from mm.controller import Controller

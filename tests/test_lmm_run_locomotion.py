@@ -22,7 +22,7 @@ from lmm.mann.model import MannModel
 from lmm.model import Model
 from lmm.pfnn.controller import PhaseController
 from lmm.pfnn.model import PhaseModel
-from mm import course as courses
+from mm import courses
 from mm.cli import main as mm_main
 from mm.ground_feet import GroundFeet
 from mm.recording import Recording, record

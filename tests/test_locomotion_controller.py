@@ -12,7 +12,7 @@ from locomotion_models import CONTROLLERS, HASTY, MODELS, commands, drift, glidi
 
 from lmm.locomotion.controller import STAGES
 from lmm.locomotion.settings import LocomotionSettings
-from mm import course as courses
+from mm import courses
 from mm.control import Command
 from mm.recording import Recording, record
 from motion import quat

@@ -12,7 +12,7 @@ from lmm.pfnn import published
 from lmm.pfnn.controller import PhaseController
 from lmm.pfnn.layout import Layout
 from lmm.pfnn.model import PhaseModel
-from mm import course as courses
+from mm import courses
 from mm.metrics import trajectory_error
 from mm.recording import record
 from mm.runs import fitted

@@ -7,8 +7,7 @@ import struct
 import numpy as np
 import pytest
 
-from mm import course as courses
-from mm import recorded
+from mm import courses, recorded
 from mm.control import Command
 from mm.course import StickKey, VelocityKey
 from mm.driver import Driver

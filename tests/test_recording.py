@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mm import course as courses
+from mm import courses
 from mm.control import Command
 from mm.course import Course, VelocityKey, Waypoint
 from mm.driver import Driver

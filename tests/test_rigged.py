@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 from test_retarget import other_joints, slides, stocky
 
-from mm import course as courses
+from mm import courses
 from mm.build import build
 from mm.cli import main
 from mm.controller import Controller

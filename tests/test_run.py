@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from mm.build import build
 from mm.cli import main
-from mm.course import load, names
+from mm.courses import load, names
 from mm.database import Database
 from mm.description import Description
 from mm.recording import Recording

@@ -7,7 +7,7 @@ from dataclasses import fields
 
 import pytest
 
-from mm import course as courses
+from mm import courses
 from mm.course import Course
 from mm.settings import Settings
 from motion import config, templates

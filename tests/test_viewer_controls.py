@@ -9,7 +9,7 @@ import lmm_models
 import numpy as np
 import pytest
 
-from mm import course as courses
+from mm import courses
 from mm.control import Command
 from mm.controller import Controller
 from mm.description import Description

@@ -13,11 +13,11 @@ import synthetic
 
 from features import normalise
 from lmm import controller as controllers
-from mm import course as courses
 from mm.build import build
 from mm.codecs import stages as compressed_stages
 from mm.codecs.compressed import compress
 from mm.controller import Controller
+from mm.course import Course, RandomUser
 from mm.database import Database
 from mm.driving import at_data_speeds
 from mm.settings import Settings
@@ -53,8 +53,8 @@ def database(walks: Path) -> Database:
 
 
 def drive(system: Any, data: Any, seconds: float = 6.0, crouch: float = 0.3) -> Session:
-    user = courses.RandomUser(seed=4, crouch=crouch, hold=(0.3, 1.0))
-    course = at_data_speeds(courses.Course(name="user", random=user, seconds=seconds), data)
+    user = RandomUser(seed=4, crouch=crouch, hold=(0.3, 1.0))
+    course = at_data_speeds(Course(name="user", random=user, seconds=seconds), data)
     found = Session({"it": system}, on_course(course))
     while found.time < seconds:
         found.advance(0.1)

@@ -10,7 +10,8 @@ import pfnn_models
 import pytest
 
 from features.terrain import Heightmap
-from mm import course as courses
+from mm import courses
+from mm.course import Course
 from mm.database import Database
 from motion import console, kinematics, quat
 from motion.clip import Clip
@@ -35,7 +36,7 @@ def members(data: Database) -> dict[str, Member]:
     return driven(found, courses.load("circle"))
 
 
-def driven(found: sources.Sources, course: courses.Course, **options: object) -> dict[str, Member]:
+def driven(found: sources.Sources, course: Course, **options: object) -> dict[str, Member]:
     made = cast.driven(found.parts(), course, seconds=3.0, progress=console.silent, **options)  # type: ignore[arg-type]
     return {member.name: member for member in made}
 

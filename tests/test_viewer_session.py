@@ -13,7 +13,7 @@ import pytest
 from locomotion_models import CONTROLLERS, MODELS
 
 from lmm import controller as controllers
-from mm import course as courses
+from mm import courses
 from mm.control import Command, System
 from mm.controller import Controller
 from mm.driving import at_data_speeds

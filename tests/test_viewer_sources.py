@@ -14,7 +14,7 @@ import pytest
 
 from lmm import pretrained
 from lmm.locomotion.settings import LocomotionSettings
-from mm import course as courses
+from mm import courses
 from mm.build import build
 from mm.codecs.compressed import compress
 from mm.controller import Controller

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import synthetic
 
-from mm import course as courses
+from mm import courses
 from mm.controller import Controller
 from mm.driving import at_data_speeds
 from mm.recording import Recording, record

@@ -238,7 +238,7 @@ def _members(
     seconds: float | None,
 ) -> list[Member]:
     """Who is shown: clips and runs, then who is driven."""
-    from mm import course as courses
+    from mm import courses
 
     from . import cast
 

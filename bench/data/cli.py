@@ -58,7 +58,7 @@ def data(
     at which it pops, slips, or finds nothing like what is asked. With -o the folder gets report.html,
     data.json and a CSV file a table.
     """
-    from mm import course as known_courses
+    from mm import courses as known_courses
     from mm.recording import Recording
 
     from .. import compare as comparing

@@ -20,8 +20,7 @@ from bench.driven import standard
 from bench.entry import called
 from bench.kept import Kept, code
 from bench.systems import without_legs
-from mm import course as courses
-from mm import search
+from mm import courses, search
 from mm.course import Course
 from mm.database import Database
 from mm.nearness import to_nearest

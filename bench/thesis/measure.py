@@ -19,8 +19,7 @@ from lmm.locomotion.labelling import labels_of
 from lmm.pfnn.controller import PhaseController
 from lmm.pfnn.spline import SETS, Mode
 from lmm.training import log
-from mm import course as courses
-from mm import metrics
+from mm import courses, metrics
 from mm.course import Course
 from mm.driver import Driver
 from mm.driving import at_data_speeds

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from features.terrain import Ground
 from lmm.controller import controller
 from lmm.model import Model
-from mm import course as courses
-from mm import metrics, quality, queries, recording
+from mm import courses, metrics, quality, queries, recording
 from mm.controller import Controller
 from mm.course import Course
 from mm.database import Database

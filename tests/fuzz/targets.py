@@ -223,11 +223,11 @@ def _settings() -> Target:
 
 
 def _course() -> Target:
-    from mm import course
+    from mm import courses
 
-    folder = Path(course.__file__).parent / "courses"
+    folder = Path(courses.__file__).parent
     seeds = lambda: [path.read_bytes() for path in sorted(folder.glob("*.toml"))]  # noqa: E731
-    target = _toml(b"", course.load, "mm/course.py", "mm/polyline.py")
+    target = _toml(b"", courses.load, "mm/course.py", "mm/polyline.py")
     return Target(".toml", seeds, target.read, target.check, target.modules, target.words)
 
 
@@ -304,7 +304,7 @@ def _database() -> Target:
 
 
 def _recording() -> Target:
-    from mm import course
+    from mm import courses
     from mm.recording import Recording
 
     def seed() -> bytes:
@@ -322,7 +322,7 @@ def _recording() -> Target:
             skeleton,
             60.0,
             arrays,
-            course=course.load("square"),
+            course=courses.load("square"),
             path=np.zeros((3, 2)),
             step_seconds=np.zeros(frames),
             stages=("search",),
