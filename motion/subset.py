@@ -13,6 +13,7 @@ from .errors import UserError
 from .skeleton import Skeleton
 
 Array = NDArray[np.floating]
+LINE = 1e-3  # spread of directions across and along, below which bones lie in a line: within 2 degrees of it
 
 
 def subset(clip: Clip, joints: Sequence[str]) -> Clip:
@@ -187,13 +188,10 @@ def _alignments(skeleton: Skeleton, bones: Array) -> Array:
         if hips_above:
             align[j] = align[skeleton.parents[j]] if j and not own else align[j]
             continue
-        ours, theirs = ours[solid], theirs[solid]
-        if len(ours) == 1:
-            align[j] = quat.between(ours[0], theirs[0])
+        ours, theirs = (v[solid] / np.linalg.norm(v[solid], axis=-1, keepdims=True) for v in (ours, theirs))
+        u, spread, v = np.linalg.svd(theirs.T @ ours)
+        if spread[1] < LINE * spread[0]:  # bones in a line do not say how far to turn about it: not at all
+            align[j] = quat.between(ours.sum(axis=0), theirs.sum(axis=0))
         else:
-            moment = (theirs / np.linalg.norm(theirs, axis=-1, keepdims=True)).T @ (
-                ours / np.linalg.norm(ours, axis=-1, keepdims=True)
-            )
-            u, _, v = np.linalg.svd(moment)
             align[j] = quat.from_matrix(u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v)
     return align

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from motion import contacts, kinematics, quat, root, sources, subset
+from motion.clip import Clip
 from motion.errors import UserError
+from motion.skeleton import Skeleton
 
 
 def world(clip):
@@ -164,6 +166,23 @@ def test_fit_of_real_clips_keeps_feet_near_the_ground(data):
         )
         low, was = (np.percentile(world(c)[0][:, feet, 1], 5) for c in (fitted, clip))
         assert abs(low - ratio * was) < 0.03
+        turned = quat.angle_between(world(fitted)[1], world(clip)[1])
+        assert np.degrees(turned.max()) < 60, "no joint is twisted: rest poses differ by less"
+
+
+def test_bones_in_a_line_are_not_twisted_by_a_fit():
+    """A thorax whose three children start at one point, as in CMU's skeletons, turns by its lean alone."""
+    names, parents = ("Hips", "Thorax", "Left", "Right", "Neck"), np.array([-1, 0, 1, 1, 1], np.int32)
+    offsets = np.array([[0, 1, 0], [0, 0.3, 0], *[[0.003, 0.123, 0.005]] * 3])
+    skeleton = Skeleton(names, parents, offsets, {"hips": 0})
+    leaning = offsets.copy()
+    leaning[2:] = [0.0, 0.113, -0.006]
+    rotations = quat.identity(4, 5)
+    clip = Clip("a", skeleton, 30.0, np.repeat(leaning[None], 4, axis=0), rotations)
+    fitted = subset.fit(clip, skeleton)
+    turned = quat.angle_between(quat.identity(4), fitted.rotations[:, 1])
+    lean = np.arccos(leaning[2] @ offsets[2] / np.linalg.norm(leaning[2]) / np.linalg.norm(offsets[2]))
+    np.testing.assert_allclose(turned, lean, atol=1e-9)
 
 
 def test_another_skeleton_does_not_fit(walker):
