@@ -22,7 +22,7 @@ PACKAGES = [p for p in ("motion", "features", "mm", "lmm", "bench", "viewer") if
 COMMANDS = [p for p in PACKAGES if (ROOT / p / "__main__.py").is_file()]
 TRAINING = ROOT / "lmm" / "training"  # of the whole program the part that needs torch
 WINDOW = ROOT / "viewer" / "window"  # is drawn by open3d
-EXTRAS = ["torch", "open3d", "onnx", "onnxruntime", "pygltflib", "pybvh", "av", "pyarrow"]
+EXTRAS = ["torch", "open3d", "onnx", "onnxruntime", "pygltflib", "pybvh", "av"]
 SLOW = [
     "matplotlib",
     "pandas",
