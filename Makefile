@@ -2,7 +2,7 @@
 # make lint   formatter, linter, type checker, import checker             make clean  all that these made
 # make pretrained   train the networks that ship, on generated clips (half an hour)
 #
-# make demo DATA=FOLDER measures motion matching on your own clips; SYSTEMS= takes all search indexes.
+# make demo DATA=FOLDER measures motion matching on your own clips; SYSTEMS=mm takes all search indexes.
 #
 # Each makes its own .venv first, with nothing but Python 3.11 or later; the second time that costs nothing.
 
