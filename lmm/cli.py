@@ -29,8 +29,8 @@ MODELS = ("lmm", "pfnn", "mann")
 
 @console.group(
     "lmm",
-    "Learned Motion Matching, and networks of locomotion: train them from a motion database, then evaluate "
-    "and run them. Those called dancecard ship, to begin with.",
+    "Learned Motion Matching, PFNN and MANN: train them from a motion database, then evaluate and run them. "
+    "A trained model called dancecard ships with the program, so you can begin with `run`.",
 )
 def main() -> None:
     pass
@@ -55,58 +55,78 @@ main.epilog = "Example: python -m lmm run dancecard --course thesis -o lap.bvh"
     type=click.Choice(PRESETS),
     default="full",
     show_default=True,
-    help="How long: seconds, to see that it works; less than half an hour on two cores; in full.",
+    help="How long to train. smoke: seconds, only to see that everything works; quick: less than half an "
+    "hour on two cores; full: three times as long as quick, and hours with --recipe reference.",
 )
 @click.option(
-    "--recipe", type=click.Choice(RECIPES), default="ours", show_default=True, help="Ours, or as published."
+    "--recipe",
+    type=click.Choice(RECIPES),
+    default="ours",
+    show_default=True,
+    help="How to train. ours: faster; reference: as published.",
 )
 @click.option(
     "--configuration",
     type=click.Choice(CONFIGURATIONS),
-    help="Of a phase-functioned network: as published, with a layer more, trained twice as long, as published"
-    " of a large rig, whose database `mm enlarge` makes.  [default: holden]",
+    help="For --model pfnn. holden: as published; holden-xl: one more layer; holden-xt: trained twice as "
+    "long; ava: as published for a large rig, whose database `mm enlarge` makes.  [default: holden]",
 )
 @click.option(
     "--experts",
     type=click.IntRange(1, 64),
-    help="Of a mode-adaptive network: published are 4 and 8.  [default: 4]",
+    help="For --model mann: number of expert networks; 4 and 8 are published.  [default: 4]",
 )
 @click.option(
     "--labels",
     type=click.Path(),
     metavar="FOLDER",
-    help="Take contacts, phase and gaits of clips from NAME.labels.csv in FOLDER, corrected by hand.",
+    help="For --model pfnn and mann: read foot contacts, phase and gaits from NAME.labels.csv in FOLDER "
+    "instead of finding them anew, so that you can correct them by hand.",
 )
 @click.option(
     "--terrain",
     multiple=True,
     metavar="KIND|FILE",
-    help="Train a phase-functioned network on uneven ground: hills, slopes, steps, mixed, or a heightmap."
-    "  [repeatable]",
+    help="For --model pfnn: train on uneven ground as well: hills, slopes, steps, mixed, or the file of a "
+    "heightmap.  [repeatable]",
 )
 @click.option(
     "--terrain-spacing",
     type=console.SIZE,
     metavar="M",
-    help="Metres from number to number in such a file.  [default: 0.0394, as published ones have]",
+    help="Metres between neighbouring numbers of that heightmap.  [default: 0.0394, as in published ones]",
 )
 @click.option(
-    "--grounds", type=click.IntRange(1, 100), help="How many to fit to each stretch of motion.  [default: 10]"
+    "--grounds",
+    type=click.IntRange(1, 100),
+    help="How many grounds --terrain fits to each stretch of motion.  [default: 10]",
 )
-@click.option("--seed", type=click.IntRange(0), help="Of clips held out, weights, batches.  [default: 0]")
-@click.option("--resume", is_flag=True, help="Go on from the checkpoint of a training that was stopped.")
 @click.option(
-    "--config", type=click.Path(), metavar="FILE", help="TOML file with settings over the preset's."
+    "--seed",
+    type=click.IntRange(0),
+    help="Random seed: which clips are held out, first weights, batches.  [default: 0]",
+)
+@click.option("--resume", is_flag=True, help="Continue a training that was stopped.")
+@click.option(
+    "--config",
+    type=click.Path(),
+    metavar="FILE",
+    help="TOML file with settings that replace some of the preset's.",
 )
 @click.option(
     "--held-out",
     type=console.Number(0, 0.9),
     metavar="SHARE",
-    help="Share of the data, in whole clips, to judge by and not to train on.  [default: 0.1]",
+    help="Share of the data (whole clips) that is not trained on but used to measure errors.  [default: 0.1]",
 )
 @click.option("--device", type=click.Choice(("cpu", "cuda")), help="Where to train.  [default: cpu]")
-@click.option("--threads", type=click.IntRange(1, 1024), help="Threads of the processor.  [default: torch's]")
-@click.option("--tensorboard", type=click.Path(), metavar="FOLDER", help="Log for TensorBoard too.")
+@click.option("--threads", type=click.IntRange(1, 1024), help="Number of CPU threads.  [default: torch's]")
+@click.option(
+    "--tensorboard",
+    type=click.Path(),
+    metavar="FOLDER",
+    help="Also write logs for TensorBoard into this folder.",
+)
 @console.json_option
 def train(
     db: str,
@@ -128,32 +148,34 @@ def train(
 ) -> None:
     """Train a model from a database that `python -m mm build` wrote.
 
-    Of Learned Motion Matching first the compressor with the decompressor, then the stepper, then the
-    projector, and that once more on what the networks themselves ask; other networks in one go. A
-    phase-functioned one needs motion that walks, and leaves out clips that do not; a mode-adaptive one takes
-    two feet or four. Labels are as `python -m features label` writes them.
+    With --model lmm four parts are trained one after another: the compressor with the decompressor, the
+    stepper, the projector, and then the projector once more on what the running networks really ask it. With
+    pfnn or mann it is one network. A phase-functioned network (pfnn) needs clips that walk; clips that do not
+    are left out and named. A mode-adaptive network (mann) takes characters with two feet or four.
 
-    With --terrain a network learns of uneven ground: to each two seconds of motion those patches of it are
-    fitted that meet the feet best, and corrected until they touch; `run --heights` tells it of the ground
-    ahead. What it learns is what the motion shows: of motion over hills or steps how to go there, of motion
-    on level ground only not to mind what lies beside its feet.
+    MODEL.jsonl beside the model logs losses and errors. Ctrl-C, a crash or a power cut loses a minute at
+    most: give the same command again with --resume. It comes to exactly the same model as a training that
+    was never stopped. Until the model is written its state is kept in MODEL.checkpoint.
 
-    MODEL.jsonl logs losses and errors; MODEL.checkpoint is there until the model is written, --resume goes on
-    from it: the same command and --resume come to the same model, however often the training was stopped.
+    With --terrain a phase-functioned network learns to walk on uneven ground. Patches of terrain are fitted
+    under each two seconds of motion so that they meet the feet; `run --heights` then shows the network the
+    ground ahead. It can only learn what the clips show: from clips that step up and down it learns to step up
+    and down, from clips on level ground only to ignore the ground beside its feet.
 
-    It takes about 3 kB of memory a frame of 23 joints, on a GPU as much there: 7 GB for ten hours at 60 Hz.
-    Fitting terrain takes a minute for half an hour of motion, and 0.2 kB a frame.
+    Training needs about 3 kB of memory for each frame of a skeleton of 23 joints (7 GB for ten hours at
+    60 Hz), and as much on the GPU where there is one. Fitting terrain takes about a minute for half an hour
+    of motion.
 
     \b
-    A file for --config, with any of the settings, which are stored in the model:
+    An example of a file for --config; what was set is stored in the model:
       latent = 24
       [stepper]
       batch = 64
       iterations = 20000
 
-    `info MODEL --json` lists them all. The stepper's window is in frames at 60 Hz, whatever the data's rate;
-    others are in frames of the data. Those of a phase-functioned network stand in [pfnn], of a
-    mode-adaptive one in [mann].
+    `python -m lmm info MODEL --json` prints all settings of a model. Settings of a phase-functioned network
+    are in the table [pfnn], those of a mode-adaptive one in [mann]. The stepper's window counts frames at 60
+    Hz whatever the rate of the data; all other lengths count frames of the data.
     """
     from motion import files
 
@@ -249,10 +271,10 @@ def _minutes(output: str) -> float:
 @click.argument("model", type=click.Path())
 @console.json_option
 def info(model: str, as_json: bool) -> None:
-    """Describe a model: what it is, what it was trained from and how, how wrong it is.
+    """Describe a model: what it is, how and from what it was trained, and how large its errors are.
 
-    MODEL is a file that `train` wrote, or dancecard, which ships. With --json also all settings of its
-    training.
+    MODEL is a file that `train` wrote, or dancecard, which ships with the program. --json adds all settings
+    of the training.
     """
     from . import models
 
@@ -267,15 +289,23 @@ def info(model: str, as_json: bool) -> None:
 @main.command(epilog="Example: python -m lmm curves ours.lmm.jsonl reference.lmm.jsonl -o curves.png")
 @click.argument("logs", nargs=-1, required=True, type=click.Path(), metavar="LOG...")
 @click.option(
-    "-o", "--output", required=True, type=click.Path(), metavar="PICTURE", help=".png or .svg to write."
+    "-o",
+    "--output",
+    required=True,
+    type=click.Path(),
+    metavar="PICTURE",
+    help="Picture to write, .png or .svg.",
 )
-@click.option("--names", metavar="A,B", help="What to call the logs.  [default: their files' names]")
+@click.option(
+    "--names", metavar="A,B", help="Names of the logs in the picture.  [default: their files' names]"
+)
 @console.json_option
 def curves(logs: tuple[str, ...], output: str, names: str | None, as_json: bool) -> None:
-    """Draw error against minutes of training, on held-out clips and on those trained on.
+    """Plot error against minutes of training, for training clips and held-out clips.
 
-    LOG is what `train` writes beside a model; several are compared in one picture, a panel a stage, and each
-    is held against the last: how much sooner it comes to the error that the last one ends with.
+    LOG is the file MODEL.jsonl that `train` writes beside a model. Several logs are drawn into one picture
+    with a panel for each stage, and each is compared with the last one: how much sooner does it reach the
+    error that the last one ends with?
     """
     from dataclasses import asdict
 

@@ -20,13 +20,17 @@ if TYPE_CHECKING:
 FAR = 10.0  # cm that poses are off on average where networks do not know the data
 SAMPLE = 2000  # frames are enough for a mean
 
-DB = click.option("--db", type=click.Path(), metavar="DB", help="The database that it was trained from.")
+DB = click.option("--db", type=click.Path(), metavar="DB", help="Database that the model was trained from.")
 
 
 @click.command(epilog="Example: python -m lmm export walk.lmm --format onnx -o networks")
 @click.argument("model", type=click.Path())
 @click.option(
-    "--format", "form", type=click.Choice(("reference", "onnx")), required=True, help="What to write."
+    "--format",
+    "form",
+    type=click.Choice(("reference", "onnx")),
+    required=True,
+    help="Format to write, see above.",
 )
 @click.option("-o", "--output", required=True, type=click.Path(), metavar="DIR", help="Folder to write into.")
 @DB
@@ -74,18 +78,20 @@ def export(model: str, form: str, output: str, db: str | None) -> None:
     required=True,
     type=click.Path(),
     metavar="DB",
-    help="The database that they were trained from; of the reference's files: python -m mm import.",
+    help="Database that the networks were trained from; `python -m mm import` reads the reference's.",
 )
 @click.option("-o", "--output", required=True, type=click.Path(), metavar="MODEL", help="Model to write.")
 def import_(directory: str, db: str, output: str) -> None:
-    """Read the public reference's networks.
+    """Turn the public reference's networks into a model.
 
-    DIRECTORY holds its decompressor.bin, stepper.bin and projector.bin and, if there, latent.bin. Latents of
-    the database's frames, by which stages that read the database are mixed with networks, are kept in the
-    model; without latent.bin they are what the projector answers to the frames.
+    DIRECTORY must hold decompressor.bin, stepper.bin and projector.bin; latent.bin is used if it is there.
 
-    Skeleton, features, their normalisation and the rate are the database's. Networks that were trained on
-    another one run, but make no sense: how far their poses are off is measured and printed.
+    The files hold numbers only, so skeleton, features, normalisation and frame rate are taken from DB.
+    Networks that were trained on another database still run, but the motion makes no sense; therefore the
+    error of their poses is measured and printed.
+
+    The latents of the database's frames go into the model: mixtures of networks and database need them.
+    Without latent.bin they are what the projector answers for each frame.
     """
     from mm.database import Database
     from motion import files
@@ -113,26 +119,31 @@ def import_(directory: str, db: str, output: str) -> None:
     "--weights",
     required=True,
     type=click.Choice(("float32", "float16", "int8")),
-    help="How to store weights.",
+    help="Type to store weights as.",
 )
 @click.option(
     "--without-compressor",
     is_flag=True,
-    help="Leave out what only makes latents of a database's frames, and stored ones.",
+    help="Leave out what only mixtures with the database need: the compressor, or latents stored instead.",
 )
-@click.option("--db", type=click.Path(), metavar="DB", help="Measure errors on the database of the model.")
+@click.option(
+    "--db",
+    type=click.Path(),
+    metavar="DB",
+    help="Database that the model was trained from, to measure errors on.",
+)
 @console.json_option
 def convert(
     model: str, output: str, weights: Any, without_compressor: bool, db: str | None, as_json: bool
 ) -> None:
-    """Store a model's weights otherwise, and say what that saves and, with --db, what it costs.
+    """Store a model's weights in another type; tells bytes saved and, with --db, accuracy lost.
 
-    int8 has a scale for every output of a layer. The compressor, which runs nowhere but on whole databases,
-    is stored as float16 then.
+    int8 has a scale for each output of a layer. The compressor, which no character needs at run time, becomes
+    float16 then.
 
-    Errors are those of the decompressor's poses, in cm and degrees, on clips that were trained on and on
-    those held out, from the latents of the model as it was; and how much the answers of stepper and projector
-    change, as a share of how much they vary.
+    With --db errors of poses, in cm and degrees, are measured on training clips and on held-out clips, for
+    the model before and after. stepper_change and projector_change tell how much the answers of these
+    networks change, as a share of how much they vary.
     """
     from mm.database import Database
     from motion import files

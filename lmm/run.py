@@ -30,19 +30,20 @@ MODES = ("cubic", "linear", "constant")
 @click.option(
     "--learned",
     metavar="LETTERS",
-    help="Stages that networks do: P projection, S stepping, D decompression.  [default: PSD]",
+    help="Stages done by networks: P projection, S stepping, D decompression; the others use --db.  "
+    "[default: PSD]",
 )
-@click.option("--db", type=click.Path(), metavar="DB", help="The model's database, which the others need.")
-@click.option("--index", help="Search index, where projection is not learned.  [default: exact]")
+@click.option("--db", type=click.Path(), metavar="DB", help="Database that the model was trained from.")
+@click.option("--index", help="Search index, where P is not in --learned.  [default: exact]")
 @click.option(
     "--mode",
     type=click.Choice(MODES),
-    help="How a phase-functioned network's weights are made of the phase.  [default: cubic]",
+    help="For a phase-functioned network: interpolation of weights over the phase.  [default: cubic]",
 )
 @click.option(
     "--weights",
     type=click.Choice(WEIGHTS),
-    help="What weights are held as; bfloat16 is multiplied as such.  [default: as stored]",
+    help="Type of weights in memory; bfloat16 also multiplies as such.  [default: as stored]",
 )
 def run(
     model: str,
@@ -53,18 +54,19 @@ def run(
     weights: str | None,
     **options: Any,
 ) -> None:
-    """Drive characters over a course by learned motion matching, or by a network of locomotion.
+    """Drive characters over a course by a trained model.
 
-    MODEL is a model that `train` wrote, or dancecard, which ships: networks of the clips that `python -m
-    motion dancecard` writes. Alone it is all that is needed. With --db, which is the database that it was
-    trained from, any of the three stages of learned motion matching may be those of motion matching:
-    --learned D searches the database and plays its frames, and the network turns them into poses.
+    MODEL is a file that `train` wrote, or dancecard, which ships with the program and was trained on clips of
+    `python -m motion dancecard`. The model is all that is needed; no database is read.
 
-    Phase-functioned and mode-adaptive networks have no such stages; their --settings are those that
-    `python -m lmm settings` prints. With --heights a phase-functioned network that was trained on uneven
-    ground is told of the ground ahead; all others are put on it.
+    With --db the three stages of learned motion matching can be mixed with those of motion matching:
+    --learned D searches the database and plays its frames, and only decompresses poses by a network.
 
-    The other options, and course files, are those of `python -m mm run`.
+    Phase-functioned and mode-adaptive networks have no stages. Their --settings are those of `python -m lmm
+    settings`. With --heights a phase-functioned network that was trained on uneven ground sees the ground
+    ahead; the feet of all others are merely put on it.
+
+    All other options, and course files, are as for `python -m mm run`.
     """
     from mm.database import Database
 
@@ -137,12 +139,14 @@ def _check_tags(description: Description, names: Iterable[str]) -> None:
 
 
 @click.command("settings", epilog="Example: python -m lmm settings -o mine.toml")
-@click.option("-o", "--output", type=click.Path(), metavar="FILE", help="Write them there.")
+@click.option(
+    "-o", "--output", type=click.Path(), metavar="FILE", help="Write to this file instead of printing."
+)
 def settings_(output: str | None) -> None:
-    """Settings of phase-functioned and mode-adaptive networks as TOML: their defaults, what they mean.
+    """Print the settings of phase-functioned and mode-adaptive networks as TOML, with explanations.
 
-    An edited copy goes to `run --settings`; it need not name all of them. Those of learned motion matching
-    are motion matching's: `python -m mm settings`.
+    Edit a copy and give it to `run --settings`; settings you leave out keep their defaults. Learned motion
+    matching has the settings of motion matching: `python -m mm settings`.
     """
     from .locomotion.settings import LocomotionSettings
 

@@ -67,7 +67,8 @@ def of_data(data: Database | Compressed, index: str = "exact") -> runs.Driven:
 
 
 @click.command(
-    epilog="Examples: python -m mm courses thesis --plot thesis.png python -m mm courses thesis -o mine.toml"
+    epilog="\b\nExamples: python -m mm courses thesis --plot thesis.png\n"
+    "          python -m mm courses thesis -o mine.toml",
 )
 @click.argument("name", required=False, metavar="[NAME|FILE]")
 @click.option("-o", "--output", type=click.Path(), metavar="FILE", help="Write the course as TOML, to edit.")

@@ -67,6 +67,14 @@ class Told(click.Command):
 class Group(Told, click.Group):
     """A group of such commands."""
 
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """What each command does, folded where it is longer than a line; click would cut it off there."""
+        told = [
+            (name, self.commands[name].get_short_help_str(limit=1000)) for name in self.list_commands(ctx)
+        ]
+        with formatter.section("Commands"):
+            formatter.write_dl(told)
+
 
 def _show_notes() -> None:
     """Print each `Note` once, as a line of its own, not as a warning with its place in the source."""

@@ -52,6 +52,14 @@ def show(as_json: bool) -> None:
         click.echo("three frames")
 
 
+@tool.command()
+def many() -> None:
+    """Do much, and say so in a sentence that does not fit into a line of a terminal's 80 letters.
+
+    More of it.
+    """
+
+
 class Terminal(io.StringIO):
     def isatty(self) -> bool:
         return True
@@ -101,6 +109,15 @@ def test_wrong_usage_is_one_line_that_points_at_help(arguments: list[str], word:
     assert result.stderr.endswith("--help)\n")
     assert result.stderr.count("\n") == 1
     assert result.exit_code == 2
+
+
+def test_what_commands_do_is_listed_whole() -> None:
+    listed = " ".join(run("--help").stdout.split())
+    assert (
+        "many Do much, and say so in a sentence that does not fit into a line of a terminal's 80 letters."
+        in listed
+    )
+    assert "..." not in listed.partition("Commands:")[2]
 
 
 def test_without_a_command_the_help_appears() -> None:

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
 
 @click.command(
-    epilog="Examples: python -m motion fetch   python -m motion fetch cmu --subject 16 --subject 35 --yes"
+    epilog="\b\nExamples: python -m motion fetch\n"
+    "          python -m motion fetch cmu --subject 16 --subject 35 --yes",
 )
 @click.argument("name", required=False)
 @click.option(
