@@ -70,6 +70,11 @@ def shortest(q: Array) -> Array:
     return np.where(q[..., :1] < 0, -q, q)
 
 
+def towards(q: Array, other: Array) -> Array:
+    """The representative that is nearer to another quaternion."""
+    return np.where(np.sum(q * other, axis=-1, keepdims=True) < 0, -q, q)
+
+
 def unroll(q: Array) -> Array:
     """Choose signs along axis 0 (time) so that consecutive quaternions are on one hemisphere."""
     if len(q) < 2:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import lmm_models
@@ -140,6 +141,18 @@ def test_beyond_its_ends_a_range_goes_straight_on(database: Database, model: Any
     np.testing.assert_allclose(steps, np.broadcast_to(steps[:1], steps.shape), atol=1e-5)
     speed = np.linalg.norm(database.poses.velocities[database.stops[0] - 1, 0])
     assert np.linalg.norm(steps[0]) == pytest.approx(speed / 6, rel=0.2)
+
+
+def test_which_of_its_two_quaternions_is_stored_says_nothing(
+    database: Database, model: Any, labels: Labels, found: Any
+) -> None:
+    """A network would have to learn both, were it told one of them in a clip and the other in the next."""
+    poses = database.poses[slice(0, len(database))].copy()
+    poses.rotations[database.starts[1] : database.stops[1], database.skeleton.role("hips")] *= -1
+    poses.rotations[5:20, database.skeleton.role("left_arm")] *= -1
+    other = FRAMES[model.family](replace(database, poses=poses), labels)
+    np.testing.assert_array_equal(other.x, found.x)
+    np.testing.assert_array_equal(other.y, found.y)
 
 
 def test_labels_must_fit(database: Database, model: Any, labels: Labels) -> None:

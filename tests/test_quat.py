@@ -43,6 +43,8 @@ def test_exponential_and_logarithm():
     assert same(quat.exp(v), Rotation.from_rotvec(v).as_quat()[:, [3, 0, 1, 2]])
     np.testing.assert_allclose(quat.log(quat.exp(v)), v, atol=1e-9)
     np.testing.assert_allclose(quat.log(quat.shortest(-quat.exp(v))), v, atol=1e-9)
+    near = quat.towards(-quat.exp(v), quat.exp(v[::-1]))
+    assert (np.sum(near * quat.exp(v[::-1]), axis=-1) >= 0).all() and same(near, quat.exp(v))
     tiny = v * 1e-10
     np.testing.assert_allclose(quat.log(quat.exp(tiny)), tiny, rtol=1e-6, atol=0)
     np.testing.assert_array_equal(quat.exp(np.zeros((1, 3))), quat.identity(1))

@@ -11,12 +11,16 @@ from numpy.typing import NDArray
 from features.labels import Labels
 from mm.database import Database
 from motion import kinematics, quat
+from motion.pose import Poses
+from motion.skeleton import Skeleton
 
 from .labelling import kept
 from .window import Blocks, size
 
 Array = NDArray[np.float32]
 Frames = NDArray[np.int64]
+
+USUAL = 4000  # frames, evenly spread, that tell how joints usually are turned
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,8 +31,7 @@ class Range:
     ----------
     root : float64 [T, 2], x, z in the world, metres.
     yaw : [T], radians.
-    positions, rotations : [T, J, 3], [T, J, 4] of the joints in their frame's root space; rotations keep
-        their sign from frame to frame.
+    positions, rotations : [T, J, 3], [T, J, 4] of the joints in their frame's root space.
     velocities : float32 [T - 1, J, 3], m/s, to the next frame, in root space.
     """
 
@@ -43,16 +46,34 @@ class Range:
         """Frames start to stop of a database."""
         poses = database.poses[slice(start, stop)]
         root, yaw = poses.positions[:, 0][:, [0, 2]].astype(np.float64), quat.yaw(poses.rotations[:, 0])
-        positions, rotations = (np.array(a) for a in (poses.positions, poses.rotations))
-        positions[:, 0], rotations[:, 0] = 0, quat.identity()
-        local, turned = kinematics.forward(database.skeleton, positions, rotations)
+        local, turned = _in_root_space(database.skeleton, poses)
         world, _ = kinematics.forward(
             database.skeleton, poses.positions.astype(np.float64), poses.rotations.astype(np.float64)
         )
         back = quat.inv(quat.from_yaw(yaw.astype(np.float64)))
         moving = quat.rotate(back[:-1, None], np.diff(world[:, 1:], axis=0)) * database.fps
-        unrolled = kinematics.unroll(turned)[:, 1:]
-        return Range(root, yaw, local[:, 1:], unrolled, moving.astype(np.float32))
+        return Range(root, yaw, local, turned, moving.astype(np.float32))
+
+
+def usual_rotations(database: Database) -> Array:
+    """The rotation in root space [J, 4] around which those of each joint lie, without the ground root.
+
+    A rotation has two quaternions. A network is to learn that of every frame which is nearer to this one
+    (`quat.towards`): were signs kept from frame to frame, they would differ from clip to clip. It is the
+    largest eigenvector of the sum of q q^T (Markley, Cheng, Crassidis and Oshman 2007).
+    """
+    poses = database.poses[slice(None, None, max(1, len(database) // USUAL))]
+    turned = _in_root_space(database.skeleton, poses)[1].astype(np.float64)
+    _, vectors = np.linalg.eigh(np.einsum("tja,tjb->jab", turned, turned))
+    return quat.shortest(vectors[..., -1]).astype(np.float32)
+
+
+def _in_root_space(skeleton: Skeleton, poses: Poses) -> tuple[NDArray, NDArray]:
+    """Positions [T, J, 3] and rotations [T, J, 4] of all joints but the root."""
+    positions, rotations = (np.array(a) for a in (poses.positions, poses.rotations))
+    positions[:, 0], rotations[:, 0] = 0, quat.identity()
+    local, turned = kinematics.forward(skeleton, positions, rotations)
+    return local[:, 1:], turned[:, 1:]
 
 
 def of_all(

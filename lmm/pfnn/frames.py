@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from features import trajectory as ground_plane
 from features.labels import Labels
 from mm.database import Database
-from motion import springs
+from motion import quat, springs
 
 from ..locomotion import ranges
 from ..locomotion.ranges import Range
@@ -49,12 +49,13 @@ def frames(database: Database, labels: Labels) -> Frames:
     if labels.phase is None:
         raise ValueError("labels without a phase")
     layout = Layout(len(database.skeleton) - 1, len(labels.names))
-    x, y, frame = ranges.of_all(database, labels, layout, partial(_range, database, labels, layout))
+    usual = ranges.usual_rotations(database)
+    x, y, frame = ranges.of_all(database, labels, layout, partial(_range, database, labels, layout, usual))
     return Frames(x, y, labels.phase[frame], frame)
 
 
 def _range(
-    database: Database, labels: Labels, layout: Layout, start: int, stop: int
+    database: Database, labels: Labels, layout: Layout, usual: Array, start: int, stop: int
 ) -> tuple[Array, Array, NDArray[np.int64]]:
     fps, spacing = database.fps, interval(database.fps)
     part = Range.of(database, start, stop)
@@ -85,7 +86,7 @@ def _range(
             facing=facing,
             positions=local[t],
             velocities=moving[t],
-            rotations=turned[t],
+            rotations=quat.towards(turned[t], usual),
         )
     )
     return x, y, start + t
