@@ -216,8 +216,9 @@ def likeness(
             console.print_table(page.rows(rows), title="" if full else "Farthest outside of B's spread")
     if folder is not None:
         command = shlex.join(["python", "-m", "bench", *sys.argv[1:]])
-        for path in page.save(result, folder, command=command, progress=console.progress)[-3:]:
-            print(f"wrote {path}", file=sys.stderr)
+        for path in page.save(result, folder, command=command, progress=console.progress):
+            if path.suffix != ".png":
+                print(f"wrote {path}", file=sys.stderr)
 
 
 @main.command(epilog="Example: python -m bench coverage walk.mmdb --courses thesis,circle -o out/coverage")
@@ -257,7 +258,7 @@ def coverage(
     """
     from mm import courses as known_courses
 
-    from . import compare as comparing
+    from . import comparison as comparing
     from . import coverage as covering
 
     folder = None if output is None else Path(output)

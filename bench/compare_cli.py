@@ -126,7 +126,7 @@ def compare(
     """
     from mm import courses as known_courses
 
-    from . import compare as comparing
+    from . import comparison as comparing
     from . import models as learning
     from . import report, tables
     from . import systems as registry

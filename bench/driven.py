@@ -64,7 +64,7 @@ def courses(
     """
     from mm import courses as library
 
-    from . import compare as comparing
+    from . import comparison as comparing
     from . import report, tables
     from . import systems as registry
 

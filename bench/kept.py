@@ -25,7 +25,7 @@ from motion.errors import UserError
 KIND, VERSION = "kept result", 1
 # What numbers come from: packages, and of this one the modules that measure.
 PACKAGES = ("motion", "features", "mm", "lmm")
-MODULES = ("compare", "crowd", "entry", "learned", "pose_error", "runs", "small", "systems", "timing")
+MODULES = ("comparison", "crowd", "entry", "learned", "pose_error", "runs", "small", "systems", "timing")
 
 Arrays = dict[str, NDArray]
 

@@ -9,7 +9,7 @@ from mm.driving import COURSES, SECONDS
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """Attributes are the arguments of `bench.compare.compare` of these names.
+    """Attributes are the arguments of `bench.compare` of these names.
 
     Search indexes and codecs are what is compared where nobody says which systems are.
     """

@@ -83,10 +83,11 @@ def save(rows: list[dict[str, Any]], folder: Path, facts: dict[str, Any], title:
 
     from motion import figures
 
+    from .tables import written
+
     with figures.style("search"):
         picture = figures.png(figure(rows, title))
-    contents = {
-        "search.csv": pd.DataFrame(rows).to_csv(index=False, lineterminator="\n"),
+    contents = written({"search": pd.DataFrame(rows)}) | {
         "search.json": json.dumps(facts, indent=1, allow_nan=False) + "\n",
         "search.png": picture,
     }

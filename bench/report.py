@@ -14,7 +14,7 @@ from motion import figures, files
 
 from . import colours, plots, strips, tables
 from .columns import BRIEF, COLUMNS, GROUPS, Column
-from .compare import DATA, Comparison
+from .comparison import DATA, TABLES, Comparison
 from .intervals import CI
 from .memory.measure import KINDS
 from .memory.pareto import with_fronts
@@ -27,7 +27,8 @@ STRIPS = 3  # different ways a course whose film strips are seen at once, at lea
 def save(comparison: Comparison, folder: Path, *, command: str) -> list[Path]:
     """Write the tables (see `bench.tables`) and report.html, all of them or none."""
     texts = tables.contents(comparison, command=command) | {"report.html": html(comparison, command=command)}
-    return files.write_together(folder, texts)
+    stale = [f"{tables.FOLDER}/{name}" for name in tables.files(TABLES)]
+    return files.write_together(folder, texts, stale=stale)
 
 
 def brief(table: pd.DataFrame) -> list[dict[str, Any]]:

@@ -81,7 +81,7 @@ class Verdict:
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """What a verdict follows from: tables of `bench.compare.Comparison`, the summary without the clips."""
+    """What a verdict follows from: tables of `bench.comparison.Comparison`, the summary without the clips."""
 
     summary: pd.DataFrame
     runs: pd.DataFrame

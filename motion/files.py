@@ -351,12 +351,20 @@ def _arrays(table: Mapping[str, Any], data: NDArray[np.uint8]) -> dict[str, NDAr
     return arrays
 
 
-def write_together(folder: Path, contents: Mapping[str, str | bytes]) -> list[Path]:
-    """Write texts, or bytes, by file name into a folder, all of them or none; the files' paths."""
+def write_together(
+    folder: Path, contents: Mapping[str, str | bytes], *, stale: Iterable[str] = ()
+) -> list[Path]:
+    """Write texts, or bytes, by file name into a folder, all of them or none; the files' paths.
+
+    stale : names of files that others of their kind may have left there; those not written again go, so that
+    what lies together belongs together.
+    """
     with contextlib.ExitStack() as stack:
         for name, content in contents.items():
             mode = "w" if isinstance(content, str) else "wb"
             stream = stack.enter_context(atomic(folder / name, mode))
             stream.write(content)
             stream.flush()  # a disk that is full leaves all the old files
+    for name in set(stale) - set(contents):
+        (folder / name).unlink(missing_ok=True)
     return [folder / name for name in contents]

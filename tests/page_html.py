@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from html.parser import HTMLParser
+from pathlib import Path
 
 VOID = {"meta", "br", "input", "img", "link", "hr"}
 
@@ -57,3 +58,9 @@ def check(text: str) -> Page:
     assert not re.search(r"url\((?!#)|@import|\bfetch\(|XMLHttpRequest", text)
     assert text.count("<script>") == 1 and "light-dark(" in text and "@media print" in text
     return page
+
+
+def files(folder: Path) -> set[str]:
+    """Names of what lies beside a page, but for what is there a second time, as Parquet."""
+    names = {path.name for path in folder.iterdir()}
+    return names - {f"{name.removesuffix('.csv')}.parquet" for name in names}

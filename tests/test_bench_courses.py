@@ -8,7 +8,7 @@ import linear_models
 import pytest
 from click.testing import CliRunner
 
-from bench import compare as comparing
+from bench import comparison as comparing
 from bench import driven, report
 from bench.cli import main
 from lmm.model import Model

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bench import compare as comparing
+from bench import comparison as comparing
 from bench import crowd, kept, systems, tables, timing
-from bench.compare import compare
+from bench.comparison import compare
 from bench.runs import Run, Variant
 from mm import courses
 from mm.build import build

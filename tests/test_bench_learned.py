@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from bench import crowd, report, systems
+from bench import compare, crowd, report, systems
 from bench import models as learning
 from bench.cli import main
-from bench.compare import compare
 from lmm import lanes
 from lmm.evaluator import products_here
 from mm.build import build

@@ -12,9 +12,8 @@ import pfnn_models
 import pytest
 from click.testing import CliRunner
 
-from bench import crowd, plots, report, systems
+from bench import compare, crowd, plots, report, systems
 from bench.cli import main
-from bench.compare import compare
 from lmm.evaluator import products_here
 from lmm.pfnn.spline import SETS
 from motion.errors import UserError

@@ -162,7 +162,7 @@ def report(folder, tmp_path_factory):
 
 def test_the_report_is_a_table_a_plot_and_a_page(report, folder):
     out, shown = report
-    assert {path.name for path in out.iterdir()} == {"memory.csv", "memory.json", "pareto.png", "report.html"}
+    assert page_html.files(out) == {"memory.csv", "memory.json", "pareto.png", "report.html"}
     rows = pd.read_csv(out / "memory.csv").set_index("system")
     assert rows.index.tolist() == [
         *("mm-exact", f"mm-exact-{CODEC}", f"mm-coded-{CODEC}", "lmm-PSD", "lmm-D", "lmm-PSD-int8"),

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import linear_models
 import numpy as np
+import page_html
 import pandas as pd
 import pytest
 from click.testing import CliRunner
@@ -174,7 +175,7 @@ def report(database, tmp_path_factory):
 
 def test_the_report_has_tables_fits_and_pictures(report, taken):
     out, shown = report
-    assert {path.name for path in out.iterdir()} == {*page.FILES, "work"} - {"models.csv"}
+    assert page_html.files(out) == {*page.FILES, "work"} - {"models.csv"}
     facts = json.loads((out / "scale.json").read_text())
     assert {row["index"] for row in facts["indexes"]} == {"exact", "two-phase"}
     assert [row["minutes"] for row in facts["systems"]] == pytest.approx(

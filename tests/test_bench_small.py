@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from bench import pose_error, systems
+from bench import compare, pose_error, systems
 from bench.cli import main
-from bench.compare import compare
 from bench.entry import as_stored
 from mm.build import build
 from mm.codecs import compressed, errors

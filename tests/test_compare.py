@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 
 from bench import plots, report, strips, systems, timing
-from bench.compare import DATA, compare, memory_mb
+from bench.comparison import DATA, compare, memory_mb
 from features import terrain, terrain_made
 from mm import quality
 from mm.build import build

@@ -49,7 +49,7 @@ def test_it_prints_columns_and_the_verdict(written):
 
 def test_all_files_are_written_and_agree(written):
     _, out = written
-    assert {path.name for path in out.iterdir()} == set(page.names(with_run=True))
+    assert page_html.files(out) == set(page.names(with_run=True))
     facts = json.loads((out / "data.json").read_text())
     for name in page.FILES:
         if name not in page.LONG:

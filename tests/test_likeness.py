@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 import numpy as np
+import page_html
 import pandas as pd
 import pytest
 import synthetic
@@ -392,7 +393,7 @@ def test_the_command_writes_pictures_tables_and_a_page(folders, tmp_path):
     out = tmp_path / "out"
     shown = likeness(folders / "wide", folders / "plain", "-o", out).stdout
     assert "walk 1.25" in shown and "shoulder range" in shown
-    assert {p.name for p in out.iterdir()} == {
+    assert page_html.files(out) == {
         *("strip-walk-1.25.png", "curves-walk-1.25.png", "spectra-walk-1.25.png"),
         *("table.csv", "summary.csv", "index.html"),
     }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+import page_html
 import pandas as pd
 import pytest
 from click.testing import CliRunner
@@ -54,7 +55,7 @@ def test_the_picture_has_a_mark_for_each_row(database, tmp_path):
     arguments = [tmp_path / "walker.mmdb", "--queries", 40, "--indexes", "exact,faiss-ivf", "-o", out]
     result = CliRunner().invoke(main, ["search", *map(str, arguments)])
     assert result.exit_code == 0, result.output
-    assert {path.name for path in out.iterdir()} == {"search.csv", "search.json", "search.png"}
+    assert page_html.files(out) == {"search.csv", "search.json", "search.png"}
     rows = pd.read_csv(out / "search.csv")
     assert len(rows) == 2 + len(queries.SWEPT["faiss-ivf"][1])
     told = json.loads((out / "search.json").read_text())

@@ -56,12 +56,12 @@ def data(
     in each direction and what courses ask of it in vain; stretches that are there twice, and what could be
     left out. With --run also what the searches of a recorded run cost by feature and time, and the moments
     at which it pops, slips, or finds nothing like what is asked. With -o the folder gets report.html,
-    data.json and a CSV file a table.
+    data.json and the tables as CSV and Parquet.
     """
     from mm import courses as known_courses
     from mm.recording import Recording
 
-    from .. import compare as comparing
+    from .. import comparison as comparing
     from . import analyse, costs, page, verdict
 
     folder = None if output is None else Path(output)

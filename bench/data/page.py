@@ -13,8 +13,9 @@ import pandas as pd
 from motion import figures, files
 
 from .. import coverage
-from ..compare import plain
 from ..pages import render
+from ..tables import files as files_of
+from ..tables import plain, written
 from . import costs, duplicates, features, glitches, pictures, reach, verdict
 from .analyse import Analysis
 
@@ -47,12 +48,11 @@ def names(*, with_run: bool) -> list[str]:
 
 
 def save(found: Analysis, folder: Path, *, command: str) -> list[Path]:
-    """Write a CSV file a table, data.json and report.html, all of them or none."""
-    tables = found.tables()
-    texts = {f"{name}.csv": table.to_csv(index=False, lineterminator="\n") for name, table in tables.items()}
+    """Write the tables (see `bench.tables`), data.json and report.html, all of them or none."""
+    texts = written(found.tables())
     texts["data.json"] = json.dumps(to_json(found, command=command), indent=1, allow_nan=False) + "\n"
     texts["report.html"] = html(found, command=command)
-    return files.write_together(folder, texts)
+    return files.write_together(folder, texts, stale=files_of(FILES))
 
 
 def to_json(found: Analysis, *, command: str) -> dict[str, Any]:

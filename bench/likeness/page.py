@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 import pandas as pd
 
 from bench.pages import render
+from bench.tables import written as tables_on_disk
 from motion import figures, files
 
 from . import pictures
@@ -23,7 +23,7 @@ COLUMNS = ("measure", "unit", "a", "a_low", "a_high", "b", "b_low", "b_high", "i
 def save(
     likeness: Likeness, folder: Path, *, command: str, progress: Callable[..., Iterator[Any]] | None = None
 ) -> list[Path]:
-    """Write table.csv, summary.csv, index.html and three pictures a move; returns their paths."""
+    """Write the tables, index.html and three pictures a move; returns their paths."""
     written = []
     shown = []
     for move in progress(likeness.moves, label="draw") if progress else likeness.moves:
@@ -52,17 +52,8 @@ def save(
         columns=COLUMNS,
         number=number,
     )
-    texts = {
-        "table.csv": likeness.table.to_csv(index=False, lineterminator="\n"),
-        "summary.csv": pd.DataFrame(likeness.summary()).to_csv(index=False, lineterminator="\n"),
-        "index.html": page,
-    }
-    with contextlib.ExitStack() as stack:
-        for name, text in texts.items():
-            stream = stack.enter_context(files.atomic(folder / name, "w"))
-            stream.write(text)
-            stream.flush()
-    return [*written, *(folder / name for name in texts)]
+    tables = tables_on_disk({"table": likeness.table, "summary": pd.DataFrame(likeness.summary())})
+    return [*written, *files.write_together(folder, tables | {"index.html": page})]
 
 
 def number(value: Any) -> str:

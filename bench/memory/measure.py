@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from bench import timing
-from bench.compare import memory_mb
+from bench.comparison import memory_mb
 from bench.entry import Entry
 from bench.pose_error import COLUMNS, PARTS, PoseErrors, held_by_all
 from bench.systems import choose, entries, without_legs
@@ -48,7 +48,7 @@ class Memory:
     features : bytes of features by the hour, ours beside those of others.
     published : what others hold, by frame of their data.
     notes : what a reader must know.
-    database, models, machine : as `bench.compare.Comparison` has them.
+    database, models, machine : as `bench.comparison.Comparison` has them.
     """
 
     systems: pd.DataFrame

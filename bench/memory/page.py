@@ -9,8 +9,8 @@ from typing import Any
 import pandas as pd
 
 from bench import colours
-from bench.compare import plain
 from bench.pages import known, number, render
+from bench.tables import plain, written
 from motion import figures, files
 
 from . import plots, resident
@@ -54,8 +54,7 @@ def save(memory: Memory, folder: Path, *, command: str) -> list[Path]:
     """Write the table, its JSON, the plot of memory against error and the page, all of them or none."""
     with figures.style("pareto"):
         picture = figures.png(plots.against_error(memory.systems))
-    contents = {
-        "memory.csv": memory.systems.to_csv(index=False, lineterminator="\n"),
+    contents = written({"memory": memory.systems}) | {
         "memory.json": json.dumps(to_json(memory, command=command), indent=1, allow_nan=False) + "\n",
         "pareto.png": picture,
         "report.html": html(memory, command=command),

@@ -60,8 +60,8 @@ def scale(
     what no length changes; a database has to be theirs.
 
     What memory each length needs is told first, and nothing is measured where one does not fit. With -o the
-    folder gets a CSV file a table, scale.json, search.png, systems.png and report.html; and work/, which
-    keeps what is found of each length: who was interrupted goes on there.
+    folder gets the tables as CSV and Parquet, scale.json, search.png, systems.png and report.html; and work/,
+    which keeps what is found of each length: who was interrupted goes on there.
     """
     from bench import systems as registry
     from bench.pose_error import held_by_all

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from bench import queries, timing
-from bench.compare import compare, memory_mb
+from bench.comparison import compare, memory_mb
 from bench.crowd import cost
 from bench.driven import standard
 from bench.entry import called

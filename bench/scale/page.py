@@ -11,7 +11,8 @@ from typing import Any
 import pandas as pd
 
 from bench import pages
-from bench.compare import plain
+from bench.tables import files as files_of
+from bench.tables import plain, written
 from motion import figures, files
 
 from . import plots
@@ -48,17 +49,13 @@ SYSTEMS = (
 
 def save(found: Scale, folder: Path, *, command: str) -> list[Path]:
     """Write the tables, their JSON, the pictures and the page, all of them or none."""
-    contents: dict[str, str | bytes] = {
-        f"{name}.csv": table.to_csv(index=False, lineterminator="\n")
-        for name in TABLES
-        if len(table := getattr(found, name))
-    }
+    contents = written({name: table for name in TABLES if len(table := getattr(found, name))})
     contents["scale.json"] = json.dumps(to_json(found, command=command), indent=1, allow_nan=False) + "\n"
     for name in ("search", "systems"):
         with figures.style(name):
             contents[f"{name}.png"] = figures.png(getattr(plots, name)(found))
     contents["report.html"] = html(found, command=command)
-    return files.write_together(folder, contents)
+    return files.write_together(folder, contents, stale=files_of(TABLES))
 
 
 def to_json(found: Scale, *, command: str) -> dict[str, Any]:

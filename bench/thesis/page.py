@@ -7,8 +7,8 @@ import math
 from pathlib import Path
 from typing import Any
 
-from bench.compare import plain
 from bench.pages import number, render
+from bench.tables import plain, written
 from motion import figures, files
 
 from . import plots, published
@@ -35,10 +35,7 @@ FILES = ("summary.csv", "laps.csv", "files.csv", "thesis.json", "report.html")
 
 def save(thesis: Thesis, folder: Path, *, command: str) -> list[Path]:
     """Write the tables, thesis.json and report.html, all of them or none."""
-    texts = {
-        "summary.csv": thesis.summary.to_csv(index=False, lineterminator="\n"),
-        "laps.csv": thesis.laps.to_csv(index=False, lineterminator="\n"),
-        "files.csv": thesis.files.to_csv(index=False, lineterminator="\n"),
+    texts = written({name: getattr(thesis, name) for name in ("summary", "laps", "files")}) | {
         "thesis.json": json.dumps(to_json(thesis, command=command), indent=1, allow_nan=False) + "\n",
         "report.html": html(thesis, command=command),
     }

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 TIMED_SECONDS, REPEATS = 5.0, 3  # of each course, and how often the clock runs over them
 WORST = ("pop_cm", "path_max_cm", "stall_s")  # a row of several runs has the largest, of others the mean
 DATA = "(the clips)"
+TABLES = ("summary", "courses", "runs", "differences", "crowd", "published")
 _SURE = re.compile(r"memory_|pose_|(?!frame_mean).*_us$")  # columns that have no interval
 IN_CROWDS = ("PSD", "constant")  # ways of models that stand for all others where crowds are measured
 
@@ -91,8 +92,7 @@ class Comparison:
 
     def tables(self) -> dict[str, pd.DataFrame]:
         """All tables by name that have rows."""
-        names = ("summary", "courses", "runs", "differences", "crowd", "published")
-        return {name: table for name in names if len(table := getattr(self, name))}
+        return {name: table for name in TABLES if len(table := getattr(self, name))}
 
 
 def compare(
@@ -454,19 +454,3 @@ def _summary(runs: pd.DataFrame, costs: dict[str, list[timing.Cost]], data: dict
         rows.append({"system": name, "courses": len(group), "runs": len(own)} | row)
     columns = ["system", "courses", "runs", *table.columns[2:], *(f"{m}{intervals.CI}" for m in metrics)]
     return pd.DataFrame(rows).reindex(columns=columns)
-
-
-def plain(table: pd.DataFrame) -> list[dict[str, Any]]:
-    """Rows of a table for JSON: NaN becomes None."""
-    return [
-        {key: None if _missing(value) else _python(value) for key, value in row.items()}
-        for row in table.to_dict("records")
-    ]
-
-
-def _missing(value: Any) -> bool:
-    return isinstance(value, float | np.floating) and not math.isfinite(value)
-
-
-def _python(value: Any) -> Any:
-    return value.item() if isinstance(value, np.generic) else value
