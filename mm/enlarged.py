@@ -10,9 +10,12 @@ from motion.skeleton import Skeleton
 
 from .database import Database
 
+JOINTS = rig.JOINTS + 1  # the rig's, and the ground root
 
-def enlarged(database: Database, joints: int = rig.JOINTS) -> Database:
-    """The database with fingers, face and helper joints (`motion.rig.enlarge`), so many joints in all.
+
+def enlarged(database: Database, joints: int = JOINTS) -> Database:
+    """The database with fingers, face and helper joints (`motion.rig.enlarge`), so many joints in all, the
+    ground root among them.
 
     What is added is fixed to its parent, since nobody captured how it moves; all else, features too, stays.
     A frame takes 52 bytes a joint of memory. Fewer joints than there are is a UserError.

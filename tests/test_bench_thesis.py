@@ -256,7 +256,7 @@ def test_what_is_missing_is_trained_once_on_its_data(database, tmp_path, monkeyp
     pytest.importorskip("torch")
     from lmm.training import checkpoint, train_locomotion
 
-    monkeypatch.setattr(rows.rig, "JOINTS", 40)
+    monkeypatch.setattr(rows, "JOINTS", 40)
     asked: list[tuple[Any, ...]] = []
 
     def train(database: Any, path: Any, settings: Any, *, resume: bool) -> None:

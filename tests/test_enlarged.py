@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from lmm.pfnn.layout import Layout
 from mm import enlarged
 from mm.cli import main
 from mm.database import Database
@@ -21,11 +22,11 @@ def small():
 
 @pytest.fixture(scope="module")
 def large(small):
-    return enlarged.enlarged(small, 191)
+    return enlarged.enlarged(small)
 
 
 def test_its_own_joints_move_as_they_did(small, large):
-    assert len(large.skeleton) == 191 and large.skeleton.names[0] == small.skeleton.names[0]
+    assert len(large.skeleton) == 192 and large.skeleton.names[0] == small.skeleton.names[0]
     own = [0, *enlarged.shared(small.skeleton, large.skeleton)]
     assert [large.skeleton.names[j] for j in own] == list(small.skeleton.names)
     for name, array in large.poses.arrays().items():
@@ -36,8 +37,8 @@ def test_its_own_joints_move_as_they_did(small, large):
 
 
 def test_what_is_added_is_fixed_to_its_parent(small, large):
-    added = sorted(set(range(191)) - {0, *enlarged.shared(small.skeleton, large.skeleton)})
-    assert len(added) == 191 - len(small.skeleton)
+    added = sorted(set(range(192)) - {0, *enlarged.shared(small.skeleton, large.skeleton)})
+    assert len(added) == 192 - len(small.skeleton)
     places, turns = kinematics.forward(large.skeleton, large.poses.positions, large.poses.rotations)
     parents = large.skeleton.parents[added]
     offsets = np.broadcast_to(large.skeleton.offsets[added], (len(large), len(added), 3))
@@ -56,6 +57,11 @@ def test_what_searches_see_stays_and_it_is_a_database(small, large, tmp_path):
     assert {role: loaded.skeleton.names[j] for role, j in loaded.skeleton.roles.items()} == {
         role: small.skeleton.names[j] for role, j in small.skeleton.roles.items()
     }
+
+
+def test_a_network_for_it_is_as_large_as_the_published_one(large):
+    layout = Layout(len(large.skeleton) - 1)
+    assert (layout.input_size, layout.output_size) == (1302, 1751)  # of 191 joints
 
 
 def test_fewer_joints_than_there_are_are_refused(small):

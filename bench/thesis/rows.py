@@ -12,8 +12,8 @@ from bench.models import go_on
 from lmm import models
 from lmm.pfnn.model import PhaseModel
 from mm.database import Database
-from mm.enlarged import enlarged
-from motion import console, rig
+from mm.enlarged import JOINTS, enlarged
+from motion import console
 from motion.errors import UserError
 
 from .published import CONFIGURATIONS
@@ -120,5 +120,5 @@ def _large(databases: Databases, folder: PathLike) -> Database:
     """The database of a large rig from a file in a folder, which a training goes on from after a stop."""
     path = Path(folder, "ava.mmdb")
     if not path.is_file():
-        databases.of(rig.JOINTS).save(path)
+        databases.of(JOINTS).save(path)
     return Database.load(path)
