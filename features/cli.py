@@ -28,7 +28,13 @@ main.add_command(heightmap)
     "and give it to: python -m mm build --schema my.toml"
 )
 @click.argument("name")
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="Write the TOML to this file instead.")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Write to this file instead of printing.",
+)
 @console.json_option
 def schema(name: str, output: Path | None, as_json: bool) -> None:
     """Print a schema as TOML, with its columns. NAME is a ready-made schema or a TOML file."""

@@ -26,15 +26,19 @@ SUFFIX = ".labels.csv"
     "-o", "--output", required=True, type=click.Path(), metavar="FOLDER", help="Where to write the labels."
 )
 @click.option("--plot", type=click.Path(), metavar="FOLDER", help="Draw each clip's labels over time.")
-@click.option("--no-phase", is_flag=True, help="Leave the phase out: not all motion has one.")
+@click.option("--no-phase", is_flag=True, help="Write no phase: not all motion has one.")
 @click.option(
     "--corrected",
     type=click.Path(),
     metavar="FOLDER",
-    help="Take contacts and gaits from the labels in FOLDER, corrected by hand; make the phase anew.",
+    help="Read contacts and gaits from the labels in FOLDER, corrected by hand; find the phase anew.",
 )
-@click.option("--skip-bad", is_flag=True, help="Leave out, and tell, what cannot be labelled.")
-@click.option("--fps", type=console.RATE, help="The files' rate, where they state a wrong one.")
+@click.option(
+    "--skip-bad",
+    is_flag=True,
+    help="Leave out clips that cannot be labelled, and name them, instead of stopping.",
+)
+@options.FPS
 @options.SOURCE_UNIT
 @options.source_axes
 @options.ROLES

@@ -25,21 +25,52 @@ if TYPE_CHECKING:
 MADE = (1, 2, 3)  # seeds of the terrains that stand in where none is given
 
 _spacing = click.option(
-    "--spacing", type=console.SIZE, default=SPACING, show_default=True, help="Metres from number to number."
+    "--spacing",
+    type=console.SIZE,
+    default=SPACING,
+    show_default="0.0394",
+    metavar="M",
+    help="Metres between neighbouring numbers.",
 )
 _unit = click.option(
-    "--unit", type=console.SIZE, default=UNIT, show_default=True, help="Metres of a unit of height."
+    "--unit",
+    type=console.SIZE,
+    default=UNIT,
+    show_default=True,
+    metavar="M",
+    help="Metres that 1 in the file stands for.",
 )
 
 
 @click.command(epilog="Example: python -m features heightmap --kind steps --seed 4 -o stairs.txt")
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="The text to write.")
-@click.option("--kind", type=click.Choice(terrain_made.KINDS), default="mixed", show_default=True)
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
 @click.option(
-    "--size", type=(console.SIZE, console.SIZE), default=(20.0, 12.0), help="Metres along x and z.  [20 12]"
+    "-o",
+    "--output",
+    required=True,
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Text file to write.",
 )
-@click.option("--scale", type=console.SIZE, default=1.0, show_default=True, help="Multiplies heights.")
+@click.option(
+    "--kind",
+    type=click.Choice(terrain_made.KINDS),
+    default="mixed",
+    show_default=True,
+    help="Kind of ground.",
+)
+@click.option(
+    "--seed", type=click.IntRange(0), default=0, show_default=True, help="Another seed, another ground."
+)
+@click.option(
+    "--size",
+    type=(console.SIZE, console.SIZE),
+    default=(20.0, 12.0),
+    metavar="X Z",
+    help="Metres along x and along z.  [default: 20 12]",
+)
+@click.option(
+    "--scale", type=console.SIZE, default=1.0, show_default=True, help="Multiply all heights by this."
+)
 @_spacing
 @_unit
 def heightmap(
@@ -51,7 +82,7 @@ def heightmap(
     spacing: float,
     unit: float,
 ) -> None:
-    """Make a heightmap out of a seed: smooth hills, slopes, steps, or all of them."""
+    """Make a random heightmap: smooth hills, slopes, steps, or all of them."""
     from . import terrain
 
     files.check_output(output)
@@ -64,17 +95,29 @@ def heightmap(
 @click.command(epilog="Example: python -m features terrain clips/cmu --map hills.txt --plot pictures")
 @click.argument("clips", nargs=-1, required=True, type=click.Path())
 @click.option(
-    "--map", "maps", multiple=True, type=click.Path(path_type=Path), help="A heightmap.  [repeatable]"
+    "--map",
+    "maps",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Heightmap to fit.  [repeatable]  [default: made ones]",
 )
 @_spacing
 @_unit
-@click.option("--patches", "count", type=click.IntRange(10, 100_000), help="How many to choose from.  [1500]")
-@click.option("--grounds", type=click.IntRange(1, 100), help="How many to fit to each stretch.  [10]")
+@click.option(
+    "--patches",
+    "count",
+    type=click.IntRange(10, 100_000),
+    help="Number of patches to choose from.  [default: 1500]",
+)
+@click.option(
+    "--grounds", type=click.IntRange(1, 100), help="Number of grounds to fit to each stretch.  [default: 10]"
+)
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Where patches lie.")
 @click.option(
     "--plot", type=click.Path(), metavar="FOLDER", help="Draw each clip's most uneven stretch, on its ground."
 )
-@click.option("--fps", type=console.RATE, help="The files' rate, where they state a wrong one.")
+@options.FPS
 @options.SOURCE_UNIT
 @options.source_axes
 @options.ROLES
@@ -98,12 +141,13 @@ def terrain(
     exclude: tuple[str, ...],
     as_json: bool,
 ) -> None:
-    """Fit grounds to the motion files CLIPS (folders are searched), and tell how well they meet the feet.
+    """Fit uneven ground under motion files (folders are searched), and tell how well it meets the feet.
 
-    Patches are taken of the heightmaps given, else of ones made from seeds. misfit_mm is how badly those
-    chosen meet the feet as they are; contact_mm (median) and contact_p95_mm how far the ground is from feet
-    in contact after its correction; sunk_mm how deep other feet are in it at most, but for one frame of a
-    hundred. realtime is the motion's time divided by the fit's.
+    The ground is made of patches of the heightmaps given, or of random ones, which are then corrected until
+    they touch the feet. misfit_mm: how far the chosen patches are from the feet before the correction;
+    contact_mm (median) and contact_p95_mm: how far the ground is from feet in contact after it; sunk_mm: how
+    deep other feet are in the ground (99th percentile). realtime: duration of the motion divided by the time
+    that fitting took.
     """
     from motion import facts, sources
     from motion.targets import Targets

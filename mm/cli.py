@@ -43,17 +43,17 @@ OUTPUT = click.option(
 def build(sources: tuple[str, ...], output: str, as_json: bool, **chosen: Any) -> None:
     """Build a database from clips (BVH, AMC, NPZ, glTF) and folders.
 
-    With --skeleton clips of other skeletons, rates and units go into one database. What `motion check` finds
-    to be bad is cut out, and said.
+    Clips of several skeletons, rates and units go into one database with --skeleton. Captures that `python -m
+    motion check` finds bad are cut out, and you are told which and why.
 
     \b
-    A file of tags, for clips by name and for frames of them as read:
+    An example of a file for --tags, which tags clips by name or frames of them (counted as in the file):
       tag,clips,start,stop
       run,run*,,
       turn,walk_07,120,240
 
     \b
-    A file of rules for --clips, or clips.toml in a folder of clips:
+    An example of a file for --clips (clips.toml in a folder of clips is found by itself):
       [[clips]]
       files = "old/*"
       fps = 60
@@ -118,18 +118,16 @@ def info(db: str, as_json: bool) -> None:
 @click.option(
     "--names", type=click.Path(), metavar="FILE", help="Text file with the joints' names, one a line."
 )
-@click.option(
-    "--fps", type=console.RATE, default=60.0, show_default=True, help="Frames per second of the files."
-)
+@click.option("--fps", type=console.RATE, default=60.0, show_default=True, help="Frame rate of the files.")
 def import_(
     directory: str, output: str, schema: str, roles: str | None, names: str | None, fps: float
 ) -> None:
-    """Read the public reference's binary files.
+    """Turn the public reference's binary files into a database.
 
-    DIRECTORY holds its database.bin and, if there, features.bin.
+    DIRECTORY must hold database.bin; features.bin is used if it is there, and else computed.
 
-    The files hold no joint names. Its own skeleton of 23 joints is known; another one needs --roles for
-    joints named joint_0, joint_1, ..., or --names. Features are computed when there is no features.bin.
+    The files hold no joint names. The reference's own skeleton of 23 joints is known; for another one give
+    the names by --names, or --roles for joints called joint_0, joint_1 and so on.
     """
     from . import interchange
 
@@ -146,9 +144,9 @@ def import_(
 @click.argument("db", type=click.Path())
 @click.option("-o", "--output", required=True, type=click.Path(), metavar="DIR", help="Folder to write into.")
 def export(db: str, output: str) -> None:
-    """Write the public reference's binary files.
+    """Write a database in the public reference's binary format.
 
-    The database DB becomes database.bin and features.bin; names, roles and tags have no place in them.
+    That is database.bin and features.bin, which hold no names, roles or tags.
     """
     from motion import files
 
@@ -161,17 +159,21 @@ def export(db: str, output: str) -> None:
         print(f"{path}: {path.stat().st_size / 1e6:.1f} MB")
 
 
-@main.command(epilog="Example: python -m mm enlarge walk.mmdb -o ava.mmdb --joints 191")
+@main.command(epilog="Example: python -m mm enlarge walk.mmdb -o ava.mmdb")
 @click.argument("db", type=click.Path())
 @OUTPUT
 @click.option(
-    "--joints", type=click.IntRange(1, 10_000), default=191, show_default=True, help="So many in all."
+    "--joints",
+    type=click.IntRange(1, 10_000),
+    default=192,
+    show_default=True,
+    help="Number of joints in all, the ground root among them.",
 )
 def enlarge(db: str, output: str, joints: int) -> None:
-    """Add fingers, a face and helper joints to a database's skeleton, as rigs of productions have them.
+    """Add fingers, a face and helper joints to a database's skeleton, as production rigs have them.
 
-    They are fixed to their parents, the motion stays: a database to see what a network of a large rig costs,
-    and how well it does. It takes 52 bytes a frame and joint.
+    The motion stays as it is, the new joints do not move against their parents: use it to see what a network
+    for a large rig costs, and how well it does. Each joint takes 52 bytes a frame.
     """
     from motion import files
 

@@ -22,7 +22,7 @@ def schema_option(default: str) -> Callable[[Any], Any]:
         default=default,
         show_default=True,
         metavar="NAME|FILE",
-        help="Features of a frame: one of `python -m features list`, or a TOML file.",
+        help="Features that a frame is searched by: a name (`python -m features list`), or a TOML file.",
     )
 
 
@@ -30,45 +30,52 @@ def building(command: Callable) -> Callable:
     """Decorator: the options of `mm.build.build`, by the names of its parameters."""
     for option in (
         console.exclude_option,
-        click.option("--skip-bad", is_flag=True, help="Leave unreadable clips out, instead of failing."),
+        click.option(
+            "--skip-bad", is_flag=True, help="Leave clips out that cannot be read, instead of stopping."
+        ),
         click.option("--folder-tags", is_flag=True, help="Tag every clip with the name of its folder."),
         click.option(
-            "--tags", type=click.Path(), metavar="FILE", help="CSV or TOML file of tags for frames."
+            "--tags",
+            type=click.Path(),
+            metavar="FILE",
+            help="CSV or TOML file that gives tags to clips or to some of their frames.",
         ),
         reading.source_axes,
         reading.SOURCE_UNIT,
-        click.option(
-            "--source-fps", type=console.RATE, help="The clips' rate, where their files state a wrong one."
-        ),
+        reading.SOURCE_FPS,
         reading.ROLES,
         click.option(
             "--clips",
             type=click.Path(),
             metavar="FILE",
-            help="TOML file: rate, unit, axes, roles, trims of some of the clips.",
+            help="TOML file with rate, unit, axes, roles or cuts of some of the clips.",
         ),
         click.option(
             "--check/--no-check",
             default=True,
             show_default=True,
-            help="Cut out what `motion check` finds bad.",
+            help="Cut out captures that `python -m motion check` finds bad.",
         ),
         click.option(
-            "--roles-only", is_flag=True, help="Keep only the schema's joints; skeletons may differ."
+            "--roles-only",
+            is_flag=True,
+            help="Keep only the joints that the schema needs; skeletons may then differ.",
         ),
         click.option(
             "--retarget/--no-retarget",
             default=True,
             show_default=True,
-            help="Move clips of other skeletons onto the chosen one, or leave them out.",
+            help="Retarget clips of other skeletons to the chosen one, or leave them out.",
         ),
         click.option(
             "--skeleton",
             type=click.Path(),
             metavar="FILE|NAME",
-            help="The skeleton for all clips: that of a motion file, or dancecard.",
+            help="Skeleton to put all clips on: that of a motion file, or dancecard.  [default: their own]",
         ),
-        click.option("--jobs", type=click.IntRange(1), help="Threads.  [default: one a core]"),
+        click.option(
+            "--jobs", type=click.IntRange(1), help="Number of threads.  [default: one for each core]"
+        ),
         click.option(
             "--mirror/--no-mirror", default=True, show_default=True, help="Add a mirrored copy of every clip."
         ),
@@ -77,7 +84,7 @@ def building(command: Callable) -> Callable:
             type=console.RATE,
             default=60.0,
             show_default=True,
-            help="Frames per second of the database.",
+            help="Frame rate of the database.",
         ),
         schema_option("mm27"),
     ):
@@ -92,13 +99,13 @@ def on_heights(command: Callable) -> Callable:
             "--heights-spacing",
             type=console.SIZE,
             metavar="M",
-            help="Metres from number to number in it.  [default: 0.0394, as published ones have]",
+            help="Metres between neighbouring numbers of that file.  [default: 0.0394, as in published ones]",
         ),
         click.option(
             "--heights",
             type=click.Path(),
             metavar="FILE",
-            help="Walk on this heightmap (`python -m features heightmap`), its middle at 0, 0.",
+            help="Walk on the uneven ground of this heightmap (`python -m features heightmap` makes one).",
         ),
     ):
         command = option(command)

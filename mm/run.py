@@ -71,11 +71,13 @@ def of_data(data: Database | Compressed, index: str = "exact") -> runs.Driven:
     "          python -m mm courses thesis -o mine.toml",
 )
 @click.argument("name", required=False, metavar="[NAME|FILE]")
-@click.option("-o", "--output", type=click.Path(), metavar="FILE", help="Write the course as TOML, to edit.")
-@click.option("--plot", type=click.Path(), metavar="FILE.png", help="Draw the course.")
-@click.option("--walk", type=console.SPEED, help="Scale its walking speed to this, m/s.")
-@click.option("--run", "running", type=console.SPEED, help="Scale its running speed to this, m/s.")
-@click.option("--size", type=console.SIZE, help="Factor on its lengths.")
+@click.option(
+    "-o", "--output", type=click.Path(), metavar="FILE", help="Write the course as TOML, to edit it."
+)
+@click.option("--plot", type=click.Path(), metavar="FILE.png", help="Write a picture of the course.")
+@click.option("--walk", type=console.SPEED, help="Speed where the course walks, m/s.")
+@click.option("--run", "running", type=console.SPEED, help="Speed where it runs, m/s.")
+@click.option("--size", type=console.SIZE, help="Make it larger by this factor.")
 @console.json_option
 def courses(
     name: str | None,
@@ -88,9 +90,9 @@ def courses(
 ) -> None:
     """List the ready-made courses, or describe and draw one.
 
-    A file may be TOML; or what a user once did: a recording of `run --record`, whose commands it takes, a CSV
-    file with a key a row (time, move_x, move_z; or time, velocity_x, velocity_z), or a log of a simulated
-    character in the public reference's format (.bin). Written with -o, such a course is TOML.
+    FILE may be a course in TOML, or what a user once did: a recording of `run --record`; a CSV file with
+    columns time, move_x, move_z (or time, velocity_x, velocity_z); or a log of the simulated character in the
+    public reference's format (.bin). -o turns any of them into TOML.
     """
     from dataclasses import replace
 
@@ -120,11 +122,13 @@ def courses(
 
 
 @click.command(epilog="Example: python -m mm settings -o mine.toml")
-@click.option("-o", "--output", type=click.Path(), metavar="FILE", help="Write them there.")
+@click.option(
+    "-o", "--output", type=click.Path(), metavar="FILE", help="Write to this file instead of printing."
+)
 def settings(output: str | None) -> None:
-    """The controller's settings as TOML: their defaults, and what they mean.
+    """Print the controller's settings as TOML, with their defaults and explanations.
 
-    An edited copy goes to `run --settings`; it need not name all of them.
+    Edit a copy and give it to `run --settings`; settings you leave out keep their defaults.
     """
     from .settings import Settings
 

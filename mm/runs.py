@@ -33,72 +33,86 @@ _OPTIONS = (
         "course_name",
         required=True,
         metavar="NAME|FILE",
-        help="See `python -m mm courses`; or a file: TOML, or what a user once did (.rec, .csv, .bin).",
+        help="A ready-made course (`python -m mm courses` lists them), or a file: TOML, or what a user did "
+        "(.rec, .csv, .bin).",
     ),
     click.option(
-        "-o", "--output", type=click.Path(), metavar="OUT", help="Motion to write, .bvh, .npz or .glb."
+        "-o", "--output", type=click.Path(), metavar="OUT", help="Motion file to write: .bvh, .npz or .glb."
     ),
     click.option(
         "--record",
         "tape",
         type=click.Path(),
         metavar="FILE",
-        help="Recording to write, of all of it.",
+        help="Recording to write: all characters and all that was searched, for `viewer` and `bench data`.",
     ),
-    click.option("--count", type=console.COUNT, default=1, show_default=True, help="Characters."),
+    click.option("--count", type=console.COUNT, default=1, show_default=True, help="Number of characters."),
     click.option(
         "--character",
         type=click.IntRange(0),
         default=0,
         show_default=True,
-        help="Which one to write.",
+        help="Which character -o writes.",
     ),
-    click.option("--spread", is_flag=True, help="Let the characters start at different places or times."),
+    click.option("--spread", is_flag=True, help="Start characters at different points of the course."),
     click.option(
         "--seconds",
         type=console.SECONDS,
         help="Stop after this time.  [default: when the course is done]",
     ),
     click.option(
-        "--walk", type=console.SPEED, help="The course's walking speed, m/s.  [default: the data's]"
+        "--walk",
+        type=console.SPEED,
+        help="Speed where the course walks, m/s.  [default: the data's walking speed]",
     ),
     click.option(
-        "--run", "running", type=console.SPEED, help="Its running speed, m/s.  [default: the data's]"
+        "--run",
+        "running",
+        type=console.SPEED,
+        help="Speed where it runs, m/s.  [default: the data's running speed]",
     ),
-    click.option("--size", type=console.SIZE, help="Factor on its lengths.  [default: the course's own]"),
-    click.option("--as-written", is_flag=True, help="Leave speeds and lengths as the course has them."),
+    click.option("--size", type=console.SIZE, help="Make the course larger by this factor.  [default: 1]"),
+    click.option("--as-written", is_flag=True, help="Do not adapt the course's speeds to the data."),
     click.option(
         "--settings",
         type=click.Path(),
         metavar="FILE",
         help="TOML file with the controller's settings (`python -m mm settings`).",
     ),
-    click.option("--no-foot-lock", is_flag=True, help="Do not hold the feet on the ground."),
+    click.option(
+        "--no-foot-lock", is_flag=True, help="Let feet slide instead of locking them to the ground."
+    ),
     click.option(
         "--require-tag",
         multiple=True,
         metavar="NAME",
-        help="Play frames with this tag.  [repeatable]",
+        help="Play only frames that have this tag.  [repeatable]",
     ),
     click.option(
-        "--forbid-tag", multiple=True, metavar="NAME", help="Play none with this tag.  [repeatable]"
+        "--forbid-tag", multiple=True, metavar="NAME", help="Play no frames that have this tag.  [repeatable]"
     ),
     on_heights,
     click.option(
         "--rig",
         type=click.Path(),
         metavar="FILE",
-        help="Drive the skeleton of this motion file; -o writes that.",
+        help="Put the motion on the skeleton of this motion file, at run time; -o writes the result.",
     ),
     rig_axes("rig"),
     ROLES,
-    click.option("--up", type=AXIS, default="y", show_default=True, help="Axis that points up in OUT."),
-    click.option("--forward", type=AXIS, help=f"Axis that characters face in it.  {FORWARD}"),
     click.option(
-        "--handedness", type=HAND, default="right", show_default=True, help="Handedness of its axes."
+        "--up", type=AXIS, default="y", show_default=True, help="Up axis of the file that -o writes."
+    ),
+    click.option("--forward", type=AXIS, help=f"Axis that characters face in that file.  {FORWARD}"),
+    click.option(
+        "--handedness", type=HAND, default="right", show_default=True, help="Handedness of that file."
     ),
     click.option(
-        "--unit", type=Length(), default="m", show_default=True, help="m, cm, ... or metres a unit."
+        "--unit",
+        type=Length(),
+        default="m",
+        show_default=True,
+        help="Unit of that file: m, cm, mm, inch, foot, or its size in metres.",
     ),
     console.json_option,
 )

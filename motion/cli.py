@@ -34,7 +34,7 @@ main.add_command(dancecard)
 
 @main.command(epilog="Example: python -m motion info clips/walk.bvh clips/cmu --json")
 @click.argument("files", nargs=-1, required=True, type=click.Path())
-@click.option("--fps", type=console.RATE, help="The files' rate, where they state a wrong one.")
+@options.FPS
 @SOURCE_UNIT
 @source_axes
 @ROLES
@@ -147,21 +147,28 @@ class Changes:
     type=click.Choice(["bvh", "npz", "glb"]),
     help="Format to write.  [default: as OUT ends, or bvh]",
 )
-@click.option("--fps", type=console.RATE, help="Frames a second to resample to.  [default: as they are]")
-@click.option("--start", type=TIME, metavar="SECONDS", help="Leave out what comes before.")
-@click.option("--stop", type=TIME, metavar="SECONDS", help="Leave out what comes after.")
-@click.option("--keep-lead-in", is_flag=True, help="Keep a rest pose that stands before the capture.")
-@click.option("--mirror", is_flag=True, help="Exchange left and right.")
+@click.option("--fps", type=console.RATE, help="Frame rate to resample to.  [default: as read]")
+@click.option("--start", type=TIME, metavar="SECONDS", help="Cut off what comes before this time.")
+@click.option("--stop", type=TIME, metavar="SECONDS", help="Cut off what comes after this time.")
+@click.option("--keep-lead-in", is_flag=True, help="Keep a rest pose (T-pose) in front of the capture.")
+@click.option("--mirror", is_flag=True, help="Mirror the motion: exchange left and right.")
 @click.option("--ground", is_flag=True, help="Add a root joint that travels on the ground and faces forward.")
 @click.option("--joints", metavar="NAMES", help="Keep these joints only, separated by commas.")
-@click.option("--fit", type=click.Path(), metavar="FILE", help="Take this file's bone lengths (same joints).")
 @click.option(
-    "--unit", type=Length(), help="m, cm, mm, inch, foot or metres a unit.  [default: as they are; .npz: m]"
+    "--fit",
+    type=click.Path(),
+    metavar="FILE",
+    help="Take the bone lengths of this file, which must have the same joints.",
 )
-@click.option("--up", type=AXIS, default="y", show_default=True, help="Axis that points up.")
-@click.option("--forward", type=AXIS, help=f"Axis that characters face.  {FORWARD}")
-@click.option("--handedness", type=HAND, default="right", show_default=True, help="Handedness of the axes.")
-@click.option("--source-fps", type=console.RATE, help="The files' rate, where they state a wrong one.")
+@click.option(
+    "--unit",
+    type=Length(),
+    help="Unit to write: m, cm, mm, inch, foot, or its size in metres.  [default: as read; .npz: m]",
+)
+@click.option("--up", type=AXIS, default="y", show_default=True, help="Up axis to write.")
+@click.option("--forward", type=AXIS, help=f"Axis that characters face, to write.  {FORWARD}")
+@click.option("--handedness", type=HAND, default="right", show_default=True, help="Handedness to write.")
+@options.SOURCE_FPS
 @SOURCE_UNIT
 @source_axes
 @ROLES
@@ -191,8 +198,8 @@ def convert(
 ) -> None:
     """Convert the motion file IN, or all in the folder IN, to the file (.bvh, .npz, .glb) or folder OUT.
 
-    An .npz file keeps all of a clip, roles and every digit too. Of a glTF file with several animations one is
-    named as hero.glb#Walk; all of them go into a folder. Each file is written whole or not at all.
+    An .npz file keeps everything: all digits, and which joint plays which role. One animation of a glTF file
+    with several is named as hero.glb#Walk; to convert all of them give a folder as OUT.
     """
     from . import writers
     from .axes import system

@@ -158,12 +158,12 @@ def command(name: str, *, epilog: str) -> Callable[[Callable], Told]:
     return lambda f: click.command(name, cls=Told, epilog=epilog, context_settings=_SETTINGS)(f)
 
 
-json_option = click.option("--json", "as_json", is_flag=True, help="Print machine-readable JSON.")
+json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON, for other programs.")
 exclude_option = click.option(
     "--exclude",
     multiple=True,
     metavar="PATTERN",
-    help="Leave clips of this name, or path in its source, out: 'jump*', '127/*'.  [repeatable]",
+    help="Leave out clips by name or path: 'jump*', '127/*'.  [repeatable]",
 )
 
 

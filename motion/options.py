@@ -35,10 +35,19 @@ class Length(click.ParamType):
 
 
 ROLES = click.option(
-    "--roles", type=click.Path(), metavar="FILE", help="TOML file: which joint plays which role."
+    "--roles",
+    type=click.Path(),
+    metavar="FILE",
+    help="TOML file that says which joint plays which role (see `python -m motion roles`).",
 )
+RATE = "Frame rate of the files read, where they state a wrong one."
+SOURCE_FPS = click.option("--source-fps", type=console.RATE, help=RATE)
+FPS = click.option("--source-fps", "--fps", "fps", type=console.RATE, help=RATE)
 SOURCE_UNIT = click.option(
-    "--source-unit", type=Length(), metavar="UNIT", help="Unit of the files' lengths.  [default: guessed]"
+    "--source-unit",
+    type=Length(),
+    metavar="UNIT",
+    help="Unit of lengths in the files read: m, cm, mm, inch, foot, or metres.  [default: guessed]",
 )
 AXIS = click.Choice(["x", "y", "z", "-x", "-y", "-z"])
 TIME = console.Number(0, 1e5)
@@ -50,10 +59,18 @@ def source_axes(command: Callable) -> Callable:
     """Decorator: options for the axes of the files read."""
     for option in (
         click.option(
-            "--source-handedness", type=HAND, default="right", show_default=True, help="Their handedness."
+            "--source-handedness",
+            type=HAND,
+            default="right",
+            show_default=True,
+            help="Handedness of the files read.",
         ),
-        click.option("--source-forward", type=AXIS, help=f"Axis they face.  {FORWARD}"),
-        click.option("--source-up", type=AXIS, default="y", show_default=True, help="The files' up axis."),
+        click.option(
+            "--source-forward", type=AXIS, help=f"Axis that characters face in the files read.  {FORWARD}"
+        ),
+        click.option(
+            "--source-up", type=AXIS, default="y", show_default=True, help="Up axis of the files read."
+        ),
     ):
         command = option(command)
     return command
@@ -75,11 +92,13 @@ def rig_axes(prefix: str) -> Callable[[Callable], Callable]:
 
         hand, ahead, above, unit = (f"--{prefix}-{word}" for word in ("handedness", "forward", "up", "unit"))
         for option in (
-            click.option(hand, type=HAND, default="right", show_default=True, help="Its handedness."),
-            click.option(ahead, type=AXIS, help=f"Axis it faces.  {FORWARD}"),
-            click.option(above, type=AXIS, default="y", show_default=True, help="That file's up axis."),
             click.option(
-                unit, type=Length(), metavar="UNIT", help="Unit of that file's lengths.  [default: guessed]"
+                hand, type=HAND, default="right", show_default=True, help="Handedness of that file."
+            ),
+            click.option(ahead, type=AXIS, help=f"Axis that the character faces in it.  {FORWARD}"),
+            click.option(above, type=AXIS, default="y", show_default=True, help="Up axis of that file."),
+            click.option(
+                unit, type=Length(), metavar="UNIT", help="Unit of lengths in that file.  [default: guessed]"
             ),
         ):
             inner = option(inner)

@@ -27,8 +27,8 @@ from .errors import UserError
 )
 @options.rig_axes("to")
 @click.option("--no-feet", is_flag=True, help="Do not hold the feet on the ground where the source's rest.")
-@click.option("--keep-lead-in", is_flag=True, help="Keep a rest pose that stands before the capture.")
-@click.option("--source-fps", type=console.RATE, help="The files' rate, where they state a wrong one.")
+@click.option("--keep-lead-in", is_flag=True, help="Keep a rest pose (T-pose) in front of the capture.")
+@options.SOURCE_FPS
 @options.SOURCE_UNIT
 @options.source_axes
 @options.ROLES

@@ -52,8 +52,9 @@ def test_info_says_a_common_folder_once_on_a_terminal(monkeypatch):
     assert cli._short_paths(mixed) == (mixed, None)
 
 
-def test_info_with_a_stated_rate_and_unit(run, walker_files):
-    _, out, _ = run("info", walker_files / "straight.bvh", "--json", "--fps", 30, "--source-unit", "cm")
+@pytest.mark.parametrize("option", ["--fps", "--source-fps"])
+def test_info_with_a_stated_rate_and_unit(run, walker_files, option):
+    _, out, _ = run("info", walker_files / "straight.bvh", "--json", option, 30, "--source-unit", "cm")
     (row,) = json.loads(out)
     assert row["fps"] == 30 and row["unit_to_m"] == 0.01
     assert row["mean_speed_mps"] == pytest.approx(0.006, rel=0.01)

@@ -23,7 +23,7 @@ MINIMUM = 0.5  # seconds; a search through shorter spans finds nothing that lead
 
 @click.command(epilog="Example: python -m motion check clips/cmu --trim -o trimmed --plot pictures")
 @click.argument("files", nargs=-1, required=True, type=click.Path())
-@click.option("--fps", type=console.RATE, help="The files' rate, where they state a wrong one.")
+@options.FPS
 @click.option("--trim", is_flag=True, help="Write what is good of each clip, with -o.")
 @click.option("-o", "--output", type=click.Path(), metavar="FOLDER", help="Where --trim writes BVH files.")
 @click.option(
