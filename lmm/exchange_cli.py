@@ -32,7 +32,9 @@ DB = click.option("--db", type=click.Path(), metavar="DB", help="Database that t
     required=True,
     help="Format to write, see above.",
 )
-@click.option("-o", "--output", required=True, type=click.Path(), metavar="DIR", help="Folder to write into.")
+@click.option(
+    "-o", "--output", required=True, type=click.Path(), metavar="FOLDER", help="Folder to write into."
+)
 @DB
 def export(model: str, form: str, output: str, db: str | None) -> None:
     """Write a model's networks for other programs.

@@ -142,7 +142,9 @@ def import_(
 
 @main.command(epilog="Example: python -m mm export walk.mmdb -o resources")
 @click.argument("db", type=click.Path())
-@click.option("-o", "--output", required=True, type=click.Path(), metavar="DIR", help="Folder to write into.")
+@click.option(
+    "-o", "--output", required=True, type=click.Path(), metavar="FOLDER", help="Folder to write into."
+)
 def export(db: str, output: str) -> None:
     """Write a database in the public reference's binary format.
 

@@ -23,31 +23,31 @@ if TYPE_CHECKING:
 @click.argument("db", type=click.Path())
 @click.argument("model", type=click.Path())
 @click.option(
-    "-o", "--output", type=click.Path(), metavar="DIR", help="Write evaluation.json and pictures there."
+    "-o", "--output", type=click.Path(), metavar="FOLDER", help="Write evaluation.json and pictures there."
 )
 @click.option(
-    "--seconds", type=console.SECONDS, help="Of each course, at most.  [default: 40; 10 with --quick]"
+    "--seconds", type=console.SECONDS, help="Longest time on each course.  [default: 40; 10 with --quick]"
 )
 @click.option(
     "--minutes",
     type=console.Number(0, 1440, above_0=True),
-    help="Of the long run.  [default: 10; 1 with --quick]",
+    help="Length of the run with random commands.  [default: 10; 1 with --quick]",
 )
-@click.option("--quick", is_flag=True, help="Fewer and shorter measurements, about a minute.")
+@click.option("--quick", is_flag=True, help="Measure less, in about a minute.")
 @click.option(
     "--against",
     type=click.Path(),
     metavar="MODEL",
-    help="Another network of locomotion of the same data: how much do their errors differ?",
+    help="For pfnn and mann: another network of the same data, to compare errors with.",
 )
 @click.option(
     "--labels",
     type=click.Path(),
     metavar="FOLDER",
-    help="Labels that the model was trained with, where some were corrected by hand.",
+    help="For pfnn and mann: the folder that was given to `train --labels`.",
 )
 @options.on_heights
-@click.option("--seed", type=click.IntRange(0), help="Of random users, starts and queries.  [default: 20000]")
+@click.option("--seed", type=click.IntRange(0), help="Random seed: users, starts, queries.  [default: 20000]")
 @console.json_option
 def evaluate(
     db: str,
@@ -65,16 +65,19 @@ def evaluate(
 ) -> None:
     """Judge a model: is it good enough, and if not, what is to blame?
 
-    DB is the database that it was trained from. Of learned motion matching: the errors of the decompressor,
-    the stepper's drift and the projector's regret, on training clips and on held-out ones; how it drives
-    characters over courses beside motion matching, and all eight mixtures of both, which tell the stage that
-    is to blame; and whether anything diverges in ten minutes of random commands. Takes some minutes.
+    DB is the database that MODEL was trained from. It takes some minutes.
 
-    Of a phase-functioned or mode-adaptive network: one step and free runs under the true trajectory, on
-    training clips and on held-out ones; the relative error by file, as the thesis has it; what a frame
-    costs; courses and ten minutes as above: does it die out, or leave the path?
+    Of learned motion matching it measures the error of the decompressor, the drift of the stepper and the
+    regret of the projector, each on training clips and on held-out clips. Then characters are driven over
+    courses by the model, by motion matching, and by all mixtures of their stages; the mixtures show which
+    stage is to blame. Last come ten minutes of random commands, to see whether anything diverges.
 
-    With --heights courses go over uneven ground, as those of `lmm run` do.
+    Of a phase-functioned or mode-adaptive network it measures the error of one step and of free runs along
+    the true trajectory, on training clips and on held-out clips; the relative error of each clip, as in the
+    thesis; the time of a frame; and courses and ten minutes as above: does the motion die out, or leave the
+    path?
+
+    With --heights the courses lead over uneven ground.
     """
     from lmm import models
     from mm.database import Database
