@@ -106,12 +106,11 @@ GROUPS: dict[str, tuple[Column, ...]] = {
             "heading_response_s", "turn", "s", 2, "time from a step in the commanded facing to 90 % of it"
         ),
         Column(
-            "response_share",
-            "answered",
+            "unanswered_share",
+            "unanswered",
             "",
             2,
-            "share of those steps that were answered before the next",
-            "most",
+            "share of those steps that were not answered before the next",
         ),
         Column("speed_ratio", "speed ratio", "", 2, "metres walked over metres commanded", "near one"),
         Column("stall_s", "no step", "s", 2, "longest time for which who was asked to go did not step"),

@@ -29,7 +29,8 @@ class Interval:
     """A mean, half the width of its 95 % interval, of how many units it is, and how likely so much is chance.
 
     half and p, two-sided for a true mean of 0, are NaN of less than two units, and mean is of none; but of
-    what is 0 without exception half is 0 and p is 1.
+    what is 0 without exception half is 0 and p is 1. Of what is the same without exception, as times counted
+    in frames may be, no spread is known: half is 0, and p is that of as many signs alike, 2^(1 - units).
     """
 
     mean: float
@@ -55,7 +56,7 @@ def of_means(values: NDArray[np.float64]) -> Interval:
         return Interval(float(known.mean()) if n else math.nan, math.nan, n, math.nan)
     mean, error = float(known.mean()), float(known.std(ddof=1) / math.sqrt(n))
     if error <= 1e-12 * abs(mean):
-        return Interval(mean, 0.0, n, 0.0)
+        return Interval(mean, 0.0, n, 2.0 ** (1 - n))
     half = float(stdtrit(n - 1, (1 + LEVEL) / 2)) * error
     return Interval(mean, half, n, float(2 * stdtr(n - 1, -abs(mean) / error)))
 

@@ -59,9 +59,11 @@ def to_json(comparison: Comparison, *, command: str) -> dict[str, Any]:
         "command": command,
         "verdict": {
             "paragraph": judged.paragraph,
+            "rule": judged.rule,
             "systems": judged.systems,
             "reference": judged.reference,
             "keeps": list(judged.keeps),
+            "budgets": list(judged.budgets),
             "breaks": judged.breaks,
         },
         "database": comparison.database,

@@ -1,8 +1,9 @@
 """The answer of a comparison in words: a pure function from its tables to sentences.
 
 Quality is held against motion matching with exact search. A system keeps it where no metric of `QUALITY` is
-above motion matching's by more than a quarter (or by what nobody sees, where that is more), and where it does
-not break. All that is said of differences follows `bench.intervals`: where no test finds one, it says so.
+above motion matching's by more than a quarter (or by what nobody sees, where that is more), and where it
+fails on no course. All that is said of differences follows `bench.intervals`: where no test finds one, it
+says so.
 """
 
 from __future__ import annotations
@@ -22,13 +23,15 @@ REFERENCES = ("mm-exact", "mm-exact-free")  # the first of them that is there, o
 EXACT = ("mm-brute", "mm-aabb", "mm-kdtree", "mm-faiss-flat")
 SHARE = 0.25  # by which a metric may be above the reference's
 COST, MEMORY = "frame_mean_us", "memory_mb"
+FEW = 5  # courses, fewer of which show only large differences
 NAMED = 4  # systems that are named one by one where many are meant
 
 
 class Metric(NamedTuple):
     """A column where less is better, in words, its unit, and how much more of it nobody sees.
 
-    of_all : whether every system has it; who lacks it is not known to be good.
+    of_all : whether every system has it; who lacks it is not known to be good. times : by which its numbers
+    are multiplied to be in its unit.
     """
 
     column: str
@@ -36,6 +39,7 @@ class Metric(NamedTuple):
     unit: str
     slack: float
     of_all: bool = True
+    times: float = 1.0
 
 
 QUALITY = (
@@ -44,15 +48,16 @@ QUALITY = (
     Metric("heading_deg", "error of the facing", "°", 2.0),
     Metric("speed_response_s", "time to answer a speed", "s", 0.1),
     Metric("heading_response_s", "time to answer a turn", "s", 0.1),
+    Metric("unanswered_share", "commands left unanswered", "%", 0.1, times=100.0),
     Metric("jerk_m_s3", "jerk", "m/s³", 20.0),
     Metric("real_cm", "distance from real poses", "cm", 0.5),
     Metric("pose_cm", "error of decoded poses", "cm", 1.0, of_all=False),
 )
-BEST = ("skate_cm_s", "path_cm", "real_cm")  # of these the best are named
+BEST = ("skate_cm_s", "path_cm", "real_cm")  # of these it is told who has less than the reference
 
 
 class Limit(NamedTuple):
-    """What is a break: on a run the column is beyond most, and twice as bad as the reference's there."""
+    """What is a failure: on a run the column is beyond most, and twice as bad as the reference's there."""
 
     column: str
     most: float
@@ -63,19 +68,22 @@ BREAKS = (
     Limit("stall_s", 2.0, "stands still for {:.2g} s when asked to go"),
     Limit("path_max_cm", 150.0, "is {:.3g} cm off the path"),
 )
-WAY = 0.75  # of the way that is asked for, and of what the reference goes of it; less is a break
+WAY = 0.75  # of the way that is asked for, and of what the reference goes of it; less is a failure
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """paragraph : the answer. systems : of each system what it has more and less of than the reference, in a
-    sentence. reference : the system that others are held against, None where there is none. keeps : systems
-    that keep its quality. breaks : of systems that break, how."""
+    """paragraph : the answer. rule : what it means to keep the quality. systems : of each system what it has
+    more and less of than the reference, in a sentence. reference : the system that others are held against,
+    None where there is none. keeps : systems that keep its quality. budgets : those of them to take, from the
+    smallest to the fastest, each with the least memory for its time. breaks : of systems that fail, how."""
 
     paragraph: str = ""
+    rule: str = ""
     systems: dict[str, str] = field(default_factory=dict)
     reference: str | None = None
     keeps: tuple[str, ...] = ()
+    budgets: tuple[str, ...] = ()
     breaks: dict[str, str] = field(default_factory=dict)
 
 
@@ -160,11 +168,27 @@ class Measured:
             return []
         return [m for m, more, _, most in self._judged(system) if not more <= most]
 
-    def surely_keeps(self, system: str) -> bool:
-        """Whether all of each interval is within what is allowed."""
+    def doubted(self, system: str) -> bool:
+        """Whether an interval of one that keeps the quality reaches beyond what is allowed."""
         if self.reference is None or system == self.reference:
-            return True
-        return all(more + half <= most for _, more, half, most in self._judged(system))
+            return False
+        return any(more + half > most for _, more, half, most in self._judged(system))
+
+    @cached_property
+    def budgets(self) -> list[str]:
+        """Of the systems that keep the quality those that none as small is shown to be faster than."""
+        keeping = [name for name in self.keeps if math.isfinite(self.of(name, MEMORY))]
+        keeping.sort(key=lambda name: (self.of(name, MEMORY), self.cost(name)))
+        front = keeping[:1]
+        for name in keeping[1:]:
+            if self.least(COST, [front[-1], name]) == [name]:
+                front.append(name)
+        return front
+
+    def cost(self, system: str) -> float:
+        """Microseconds of a frame; infinite where they are not known."""
+        value = self.of(system, COST)
+        return value if math.isfinite(value) else math.inf
 
     def _judged(self, system: str) -> Iterator[tuple[Metric, float, float, float]]:
         """Metrics, how much more a system has than the reference, half the interval, and what is allowed."""
@@ -175,18 +199,25 @@ class Measured:
             if math.isfinite(own) and (metric.of_all or math.isfinite(row["difference"])):
                 yield metric, row["difference"], row["ci95"], max(SHARE * own, metric.slack)
 
+    def tested(self, column: str) -> bool:
+        """Whether differences of a column can be told from chance at all."""
+        rows = self.differences[self.differences["metric"] == column]
+        return bool((rows["units"] > 1).any())
+
     def least(self, column: str, among: Iterable[str]) -> list[str]:
         """The system that has least of a column, and those of which no test says that they have more.
 
         Where nothing can be tested, for there is one run of each, the least alone.
         """
-        values = {name: value for name in among if math.isfinite(value := self.of(name, column))}
-        if not values:
-            return []
-        first = min(values, key=values.__getitem__)
-        rows = differences(self.runs, first, [column], values)
+        first, rows = self.beside_least(column, among)
         tested = rows["units"] > 1
-        return [first, *rows.loc[(tested & ~rows["significant"]) | rows["same"], "system"]]
+        return [first, *rows.loc[(tested & ~rows["significant"]) | rows["same"], "system"]] if first else []
+
+    def beside_least(self, column: str, among: Iterable[str]) -> tuple[str, pd.DataFrame]:
+        """The system that has least of a column, and how much more others have (`differences`)."""
+        values = {name: value for name in among if math.isfinite(value := self.of(name, column))}
+        first = min(values, key=values.__getitem__, default="")
+        return first, differences(self.runs, first, [column] if first else [], values)
 
 
 def of(measured: Measured) -> Verdict:
@@ -197,16 +228,18 @@ def of(measured: Measured) -> Verdict:
         _scope(measured),
         *_reference(measured),
         *_budgets(measured),
-        *_cheapest(measured),
+        *_beyond(measured),
         *_crowds(measured),
-        *_best(measured),
-        *_broken(measured),
+        *_better(measured),
+        *_failing(measured),
     ]
     return Verdict(
         " ".join(lines),
+        _rule(measured),
         {name: _beside(measured, name) for name in measured.names if name != measured.reference},
         measured.reference,
         tuple(measured.keeps),
+        tuple(measured.budgets),
         measured.breaks,
     )
 
@@ -214,14 +247,15 @@ def of(measured: Measured) -> Verdict:
 def _scope(measured: Measured) -> str:
     runs = measured.runs
     courses, each = runs["course"].nunique(), int(runs.groupby("system").size().max())
-    what = (
-        f"{_count(len(measured.names), 'system')} on {_count(courses, 'course')}, {_count(each, 'run')} each"
-    )
+    what = f"{_count(len(measured.names), 'system')}, {_count(courses, 'course')}, {_count(each, 'run')} each"
     if each < 2:
-        return f"{what}: of one run no difference can be tested, so none is more than what these numbers say."
-    of = "courses" if courses > 1 else "seeds of the one course"
-    few = ", so few that only large ones are found" if (courses if courses > 1 else each) < 5 else ""
-    return f"{what}; what is called a difference is significant over the {of}{few}."
+        return (
+            f"{what}: of one run no difference can be tested, so these numbers say no more than themselves."
+        )
+    if courses < 2:
+        return f"{what}; a difference is what a paired test finds over the seeds of the one course."
+    few = ", which finds only large ones in so few" if courses < FEW else ""
+    return f"{what}; a difference is what a paired test finds over the courses{few}."
 
 
 def _reference(measured: Measured) -> list[str]:
@@ -229,62 +263,89 @@ def _reference(measured: Measured) -> list[str]:
     if name is None:
         return ["There is no exact motion matching among them to hold the quality of others against."]
     facts = _costs(measured, name)
-    lines = [f"{name} takes {facts}." if facts else f"{name} is what others are held against."]
-    judged = _listed([m.words for m in measured.metrics])
-    if judged and len(measured.names) > 1:
-        lines.append(
-            f"Its quality is kept by who does not break and has at most {100 * SHARE:.0f} % more, or what "
-            f"nobody sees more, of {judged}."
-        )
-    return lines
+    takes = f": {facts}" if facts else ""
+    return [f"The yardstick is motion matching with exact search, {name}{takes}."]
+
+
+def _rule(measured: Measured) -> str:
+    """What it means to keep the quality, and to fail."""
+    if measured.reference is None or not measured.metrics:
+        return ""
+    judged = _listed([f"{m.words} ({_number(m.times * m.slack)} {m.unit})" for m in measured.metrics])
+    stall, stray = (limit.most for limit in BREAKS)
+    return (
+        f"A system keeps {measured.reference}'s quality if it fails on no course and has at most "
+        f"{100 * SHARE:.0f} % more, or no more than is in brackets more, on average over the courses, of "
+        f"{judged}. It fails where it shows poses that are no numbers; and where it stands still for more "
+        f"than {stall:g} s when asked to go, is more than {stray:g} cm off the path, or goes less than "
+        f"{100 * WAY:.0f} % of the way, unless {measured.reference} is at least half as bad there."
+    )
 
 
 def _budgets(measured: Measured) -> list[str]:
     """What is the smallest, and what less time costs in memory, among those that keep the quality."""
-    out = []
-    sized = {n: v for n in measured.names if math.isfinite(v := measured.of(n, MEMORY))}
-    if not sized:
+    reference, front = measured.reference, measured.budgets
+    what = f"keeps {reference}'s quality" if reference else "fails on no course"
+    if not measured.keeps:
+        return [f"None {what}."]
+    if measured.keeps == [reference]:
+        return [f"None but {reference} itself {what}, whatever the memory or time."]
+    if not front:
         return []
-    keeping = sorted((n for n in measured.keeps if n in sized), key=lambda n: (sized[n], _cost(measured, n)))
-    smallest = min(sized, key=lambda n: (sized[n], _cost(measured, n)))
-    if not keeping:
-        out.append("None keeps the quality.")
-    elif keeping == [measured.reference]:
-        out.append(f"None but {measured.reference} keeps the quality, however much memory there is.")
-    else:
-        front = [keeping[0]]
-        for name in keeping[1:]:
-            if measured.least(COST, [front[-1], name]) == [name]:
-                front.append(name)
-        first = f"{front[0]} is the smallest, with {_costs(measured, front[0], beside=True)}"
-        steps = [first + _unsure(measured, front[0])]
-        for name in front[1:]:
-            frame = f"{name}, {_number(_cost(measured, name))} µs{_unsure(measured, name)}"
-            steps.append(f"who has {_number(sized[name])} MB gets a cheaper frame from {frame}")
-        kept = f"With the quality of {measured.reference} kept, " if measured.reference else ""
-        out.append(kept + "; ".join(steps) + ".")
-    if smallest not in keeping:
-        lost = f"it has too much {_listed([m.words for m in measured.lost(smallest)])}"
-        why = f"it {measured.breaks[smallest]}" if smallest in measured.breaks else lost
-        out.append(f"Smaller without that is {smallest}, with {_number(sized[smallest])} MB: {why}.")
+    facts = _costs(measured, front[0], beside=True)
+    out = [f"The smallest that {what} is {front[0]}: {facts}{_doubt(measured, front[0])}."]
+    steps = [
+        f"with {_number(measured.of(name, MEMORY))} MB {name} is faster, {_number(measured.cost(name))} µs"
+        f"{_doubt(measured, name)}"
+        for name in front[1:]
+    ]
+    if steps:
+        out.append(f"{_sentence('; '.join(steps))}.")
+    elif len(measured.keeps) > 1 and math.isfinite(measured.cost(front[0])):
+        out.append("More memory buys no frame that is shown to be faster.")
     return out
 
 
-def _unsure(measured: Measured, name: str) -> str:
-    return "" if measured.surely_keeps(name) else " (kept in the mean; its intervals reach further)"
+def _doubt(measured: Measured, name: str) -> str:
+    return " (on average; its intervals reach further)" if measured.doubted(name) else ""
 
 
-def _cheapest(measured: Measured) -> list[str]:
-    among = measured.keeps or measured.names
-    best = measured.least(COST, among)
-    if not best:
-        return []
-    these = " among these" if measured.keeps else ""
-    out = [f"The cheapest frame of one character{these} is {_ties(measured, best, COST, 'µs')}."]
-    every = measured.least(COST, measured.names)
-    if every[0] not in among and every[0] not in best:
-        out.append(f"{every[0]} takes {_number(measured.of(every[0], COST))} µs, without that quality.")
-    return out
+def _beyond(measured: Measured) -> list[str]:
+    """Who is smaller, or faster, than all that keep the quality, and what that costs."""
+    told: dict[str, list[str]] = {}
+    for column, word in ((MEMORY, "smaller"), (COST, "faster")):
+        known = [name for name in measured.names if math.isfinite(measured.of(name, column))]
+        known.sort(key=lambda name: measured.of(name, column))
+        keeping = [name for name in known if name in measured.keeps]
+        if not keeping or measured.of(known[0], column) == measured.of(keeping[0], column):
+            continue
+        if column == MEMORY or measured.least(COST, [known[0], keeping[0]]) == [known[0]]:
+            told.setdefault(known[0], []).append(word)
+    return [
+        f"{_sentence(_listed(words))} still is {name}, {_costs(measured, name)}, but it "
+        f"{_why_not(measured, name)}."
+        for name, words in told.items()
+    ]
+
+
+def _why_not(measured: Measured, name: str) -> str:
+    """Why a system does not keep the quality, after "it"."""
+    if name in measured.breaks:
+        return measured.breaks[name]
+    lost = {metric: _apart(measured, metric, name) for metric in measured.lost(name)}
+    more = [f"{metric.words} ({apart})" for metric, apart in lost.items() if apart]
+    without = [metric.words for metric, apart in lost.items() if not apart]
+    told = [f"has more {_listed(more)}"] * bool(more)
+    return _listed(told + [f"has no {_listed(without)} to judge by"] * bool(without))
+
+
+def _apart(measured: Measured, metric: Metric, name: str) -> str:
+    """How much more of a metric a system has than the reference; nothing where that is not known."""
+    rows = measured.differences
+    row = rows[(rows["system"] == name) & (rows["metric"] == metric.column)].iloc[0]
+    if not math.isfinite(row["difference"]):
+        return ""
+    return f"{_signed(metric.times * row['difference'], metric.times * row['ci95'])} {metric.unit}"
 
 
 def _crowds(measured: Measured) -> list[str]:
@@ -294,47 +355,50 @@ def _crowds(measured: Measured) -> list[str]:
     crowd = crowd[np.isfinite(crowd["us"])]
     count = int(crowd["characters"].max())
     rows = crowd[crowd["characters"] == count].sort_values("us", kind="stable")
-    first = rows.iloc[0]
+    first, last = rows.iloc[0], rows.iloc[-1]
     if len(rows) == 1:
         return [f"In a crowd of {count:,} {first['system']} takes {_number(first['us'])} µs a character."]
-    ties = rows.iloc[1:]
-    ties = ties[ties["least_us"] <= first["most_us"]]
-    told = (
-        f"Of crowds of {count:,}, {first['system']}'s is the cheapest, {_number(first['us'])} µs a character"
-    )
+    told = f"In a crowd of {count:,} the cheapest is {first['system']}, {_number(first['us'])} µs a character"
+    others = rows.iloc[1:]
+    ties = others[others["least_us"] <= first["most_us"]]
     if len(ties):
-        told += f", but {_some(list(ties['system']))} did as well in some of the repeats"
-    last = rows.iloc[-1]
-    told += f"; {last['system']} takes {_number(last['us'])} µs"
-    without = [n for n in (first["system"],) if measured.keeps and n not in measured.keeps]
-    return [told + (" (the cheapest does not keep the quality)." if without else ".")]
+        told += f" ({_some(list(ties['system']))} within what repeats differ by)"
+    if first["system"] not in measured.keeps and measured.keeps:
+        keeping = rows[rows["system"].isin(measured.keeps)]
+        told += ", without that quality"
+        if len(keeping):
+            best = keeping.iloc[0]
+            told += f"; of those that keep it {best['system']}, {_number(best['us'])} µs"
+    return [f"{told}; the dearest is {last['system']}, {_number(last['us'])} µs."]
 
 
-def _best(measured: Measured) -> list[str]:
-    out, alike = list[str](), list[str]()
+def _better(measured: Measured) -> list[str]:
+    """Who has less of something than the reference, of those that do not fail."""
+    reference = measured.reference
     sound = [name for name in measured.names if name not in measured.breaks]
-    for metric in measured.metrics:
-        if metric.column in BEST and len(sound) > 1:
-            best = measured.least(metric.column, sound)
-            judged = [name for name in sound if math.isfinite(measured.of(name, metric.column))]
-            if len(best) == len(judged) > 1:
-                alike.append(metric.words)
-            elif best:
-                out.append(
-                    f"{metric.words} is least with {_ties(measured, best, metric.column, metric.unit)}"
-                )
-    if alike:
-        out.append(f"in {_listed(alike)} none is shown to be ahead of another")
-    if not out:
+    if reference not in sound or len(sound) < 2:
         return []
-    text = "; ".join(out)
-    return [text[0].upper() + text[1:] + "."]
+    ahead, level = list[str](), list[str]()
+    for metric in measured.metrics:
+        if metric.column in BEST and measured.tested(metric.column):
+            best, rows = measured.beside_least(metric.column, sound)
+            if rows.loc[rows["system"] == reference, "significant"].any():
+                ahead.append(f"{best} in {metric.words} ({_apart(measured, metric, best)})")
+            else:
+                level.append(metric.words)
+    out = [f"Ahead of {reference} is {_listed(ahead)}."] * bool(ahead)
+    if level:
+        out.append(f"In {_listed(level)} none is shown to be better than it.")
+    return out
 
 
-def _broken(measured: Measured) -> list[str]:
+def _failing(measured: Measured) -> list[str]:
     if not measured.breaks:
-        return ["None breaks."] if len(measured.names) > 1 else []
-    return [f"{name} {how}." for name, how in measured.breaks.items()]
+        return ["None fails on a course."] if len(measured.names) > 1 else []
+    told = [f"{name} {how}" for name, how in measured.breaks.items()]
+    if len(told) <= NAMED:
+        return [f"{line}." for line in told]
+    return [f"{_count(len(told), 'system')} fail: {_some(list(measured.breaks))}."]
 
 
 def _beside(measured: Measured, name: str) -> str:
@@ -351,7 +415,7 @@ def _beside(measured: Measured, name: str) -> str:
         elif not row["significant"]:
             open_.append(metric.words)
         else:
-            text = f"{metric.words} ({_signed(row['difference'], row['ci95'])} {metric.unit})"
+            text = f"{metric.words} ({_apart(measured, metric, name)})"
             (worse if row["difference"] > 0 else better).append(text)
     if same and not (worse or better or open_):
         told.append("the same motion")
@@ -388,23 +452,6 @@ def _times(value: float, own: float) -> str:
     return f"{abs(100 * (share - 1)):.0f} % {'more' if share > 1 else 'less'}"
 
 
-def _ties(measured: Measured, names: Sequence[str], column: str, unit: str) -> str:
-    first, *others = names
-    told = f"{first}{'' if column != COST else chr(39) + 's'}, {_number(measured.of(first, column))} {unit}"
-    if others:
-        values = [measured.of(name, column) for name in others]
-        same = [n for n, v in zip(others, values, strict=True) if v == measured.of(first, column)]
-        open_ = [n for n in others if n not in same]
-        told += f" (the same as {_some(same)})" * bool(same)
-        told += f" (not significantly less than {_some(open_)})" * bool(open_)
-    return told
-
-
-def _cost(measured: Measured, name: str) -> float:
-    value = measured.of(name, COST)
-    return value if math.isfinite(value) else math.inf
-
-
 def _some(names: Sequence[str]) -> str:
     rest = len(names) - NAMED
     return _listed([*names[:NAMED], f"{rest} others"] if rest > 1 else list(names))
@@ -412,6 +459,10 @@ def _some(names: Sequence[str]) -> str:
 
 def _listed(words: Sequence[str]) -> str:
     return " and ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
+
+
+def _sentence(text: str) -> str:
+    return text[0].upper() + text[1:]
 
 
 def _count(number: int, what: str) -> str:

@@ -157,7 +157,7 @@ def judge(
         "speed_response_s": response.speed_s,
         "heading_response_s": response.heading_s,
         "response_steps": float(response.speed_steps + response.heading_steps),
-        "response_share": response.answered,
+        "unanswered_share": 1 - response.answered,
         "jerk_m_s3": metrics.jerk(world, fps),
         "pop_cm": metrics.largest_pop(local, transition),
         "ordinary_pop_cm": float(np.percentile(pops[~transition], 99))

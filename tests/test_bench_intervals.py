@@ -86,16 +86,24 @@ def test_holms_correction_by_hand():
 
 def test_a_difference_that_is_always_there_and_one_that_never_is():
     courses = {"one": [1.0], "two": [2.0], "three": [5.0]}
-    more = {name: [value + 1] for name, (value,) in courses.items()}
+    more = {name: [value + by] for (name, (value,)), by in zip(courses.items(), (1, 1.1, 0.9), strict=True)}
     noisy = {"one": [2.0], "two": [1.0], "three": [5.5]}
     table = runs({"a": courses, "same": courses, "more": more, "noisy": noisy})
     found = intervals.differences(table, "a", ["x"]).set_index("system")
     assert list(found.index) == ["same", "more", "noisy"]
     assert list(found["significant"]) == [False, True, False]
-    assert found.loc["same", "difference"] == 0 and found.loc["more", "difference"] == 1
+    assert found.loc["same", "difference"] == 0 and found.loc["more", "difference"] == pytest.approx(1)
     # Who is the same is no comparison, which others would have to be corrected for.
     alone = intervals.differences(table, "a", ["x"], ["noisy", "more"]).set_index("system")
     assert alone.loc["noisy", "p"] == found.loc["noisy", "p"]
+
+
+def test_what_is_the_same_everywhere_is_known_as_well_as_its_signs():
+    """Two courses on which someone answers one frame later are no proof, ten are."""
+    for units, p in ((2, 0.5), (3, 0.25), (10, 2 / 1024)):
+        found = intervals.of_means(np.full(units, 1 / 60))
+        assert (found.mean, found.half, found.p) == (pytest.approx(1 / 60), 0, p)
+        assert found.p == pytest.approx(scipy.stats.binomtest(units, units, 0.5).pvalue)
 
 
 def test_chance_is_seldom_called_a_difference():

@@ -54,20 +54,26 @@ def test_the_smallest_that_keeps_the_quality_is_named_and_what_time_it_costs():
     found = measured({"mm-exact": MM, "lmm-PSD": (2.0, 150.0, {}), "lmm-D": (20.0, 80.0, {})})
     text = sentences(found)
     assert re.search(
-        r"lmm-PSD is the smallest, with 2 MB \(50 times less\) and 15\d µs .* times as much", text
+        r"The smallest that keeps mm-exact's quality is lmm-PSD: 2 MB \(50 times less\) and 15\d µs a frame "
+        r"\([\d.]+ times as much\)\. With 20 MB lmm-D is faster, 8[\d.]+ µs; with 100 MB mm-exact is "
+        r"faster, 5",
+        text,
     )
-    assert "who has 20 MB gets a cheaper frame from lmm-D, 8" in text
-    assert "who has 100 MB gets a cheaper frame from mm-exact, 5" in text
-    assert "The cheapest frame of one character among these is mm-exact's" in text
-    assert verdict.of(found).keeps == ("mm-exact", "lmm-PSD", "lmm-D") and "None breaks." in text
+    assert "still is" not in text and "None fails on a course." in text
+    found = verdict.of(found)
+    assert found.keeps == ("mm-exact", "lmm-PSD", "lmm-D")
+    assert found.budgets == ("lmm-PSD", "lmm-D", "mm-exact")
 
 
 def test_who_is_smaller_but_worse_is_named_as_such():
     found = measured({"mm-exact": MM, "pfnn-constant": (1.0, 10.0, WORSE), "lmm-D": (20.0, 80.0, {})})
     text = sentences(found)
-    assert "lmm-D is the smallest" in text
-    assert "Smaller without that is pfnn-constant, with 1 MB: it has too much foot skate." in text
-    assert "pfnn-constant takes 10" in text and "without that quality" in text
+    assert "The smallest that keeps mm-exact's quality is lmm-D: 20 MB" in text
+    assert re.search(
+        r"Smaller and faster still is pfnn-constant, 1 MB and 10[\d.]* µs a frame, but it has more foot "
+        r"skate \(\+10[\d.]* ± [\d.]+ cm/s\)\.",
+        text,
+    )
     assert verdict.of(found).keeps == ("mm-exact", "lmm-D")
     line = verdict.of(found).systems["pfnn-constant"]
     assert "more foot skate (+10" in line and "no significant difference in distance from the path" in line
@@ -75,26 +81,43 @@ def test_who_is_smaller_but_worse_is_named_as_such():
 
 def test_nothing_keeps_the_quality_but_the_yardstick():
     text = sentences(measured({"mm-exact": MM, "lmm-PSD": (2.0, 150.0, WORSE)}))
-    assert "None but mm-exact keeps the quality" in text and "Smaller without that is lmm-PSD" in text
+    assert "None but mm-exact itself keeps mm-exact's quality" in text and "Smaller still is lmm-PSD" in text
 
 
 def test_more_memory_for_no_less_time_is_not_advised():
     text = sentences(measured({"mm-exact": (100.0, 50.0, {}), "small": (5.0, 50.0, {})}))
-    assert "small is the smallest" in text and "who has 100 MB" not in text
+    assert "quality is small: 5 MB" in text and "With 100 MB" not in text
+    assert "More memory buys no frame that is shown to be faster." in text
 
 
 def test_ties_are_told_as_ties():
     found = measured({"mm-exact": MM, "lmm-D": (20.0, 50.1, {}), "lmm-PSD": (2.0, 150.0, {})})
     text = sentences(found)
-    cheapest = re.search(r"among these is (.*)'s, [\d.]+ µs \(not significantly less than (.*)\)\.", text)
-    assert set(cheapest.groups()) == {"mm-exact", "lmm-D"}
-    assert "In foot skate and distance from the path none is shown to be ahead of another." in text
+    assert "With 20 MB lmm-D is faster" in text and "With 100 MB" not in text
+    assert verdict.of(found).budgets == ("lmm-PSD", "lmm-D")
+    assert "In foot skate and distance from the path none is shown to be better than it." in text
     # Two of the very same motion.
     same = found.runs[found.runs["system"] == "mm-exact"].assign(system="mm-kdtree")
     rows = found.summary[found.summary["system"] == "mm-exact"].assign(system="mm-kdtree")
     both = replace(found, summary=pd.concat([found.summary, rows]), runs=pd.concat([found.runs, same]))
     assert verdict.of(both).systems["mm-kdtree"].endswith("the same motion.")
-    assert "none is shown to be ahead" in sentences(both)
+    assert "none is shown to be better" in sentences(both)
+
+
+def test_who_is_better_is_told_with_how_much():
+    found = measured({"mm-exact": MM, "lmm-D": (20.0, 80.0, {"skate_cm_s": 5.0})})
+    text = sentences(found)
+    assert re.search(r"Ahead of mm-exact is lmm-D in foot skate \(−5[\d.]* ± [\d.]+ cm/s\)\.", text)
+    assert "In distance from the path none is shown to be better than it." in text
+
+
+def test_what_answers_nothing_is_not_as_good_for_what_it_answers():
+    """Of commands that were not answered no time is known: how many those are is held against a system."""
+    quick = {"speed_response_s": 0.5, "unanswered_share": 0.0}
+    seldom = quick | {"unanswered_share": odd("steps", 1.0, 0.4)}
+    found = verdict.of(measured({"mm-exact": (100.0, 50.0, quick), "lmm-D": (20.0, 80.0, seldom)}))
+    assert found.keeps == ("mm-exact",)
+    assert "has more commands left unanswered (+52 ± 33.3 %)" in found.paragraph
 
 
 def test_a_difference_in_noise_is_not_called_one():
@@ -107,7 +130,9 @@ def test_a_difference_in_noise_is_not_called_one():
     assert found.keeps == ("mm-exact",)
     slight = {"skate_cm_s": odd("star", 16.0, 10.0)}
     text = sentences(measured({"mm-exact": MM, "lmm-PSD": (2.0, 150.0, slight)}))
-    assert "(kept in the mean; its intervals reach further)" in text
+    assert (
+        "lmm-PSD: 2 MB (50 times less) and 1" in text and "(on average; its intervals reach further)." in text
+    )
 
 
 @pytest.mark.parametrize(
@@ -124,7 +149,14 @@ def test_who_breaks_is_told_with_the_course_and_keeps_nothing(metrics, how):
     found = verdict.of(measured({"mm-exact": (100.0, 50.0, sound), "mann-4": (1.0, 5.0, sound | metrics)}))
     assert found.breaks == {"mann-4": how} and found.keeps == ("mm-exact",)
     assert f"mann-4 {how}." in found.paragraph and f"it {how}" in found.systems["mann-4"]
-    assert "least with mann-4" not in found.paragraph
+    assert "Ahead of" not in found.paragraph and found.budgets == ("mm-exact",)
+
+
+def test_of_many_that_fail_some_are_named():
+    lost = {"stall_s": odd("strafe", 7.0, 0.1)}
+    systems = {"mm-exact": MM} | {f"mann-{i}": (1.0, 5.0, lost) for i in range(8)}
+    text = sentences(measured(systems))
+    assert "8 systems fail: mann-0, mann-1, mann-2, mann-3 and 4 others." in text
 
 
 def test_what_breaks_motion_matching_as_well_is_the_courses_fault():
@@ -144,8 +176,12 @@ def test_crowds_and_who_did_as_well():
     ]
     systems = {"mm-exact": MM, "lmm-PSD": (2.0, 150.0, {}), "lmm-D": (20.0, 80.0, {})}
     text = sentences(measured(systems, crowd))
-    assert "Of crowds of 4,096, mm-exact's is the cheapest, 7 µs a character" in text
-    assert "but lmm-D did as well in some of the repeats; lmm-PSD takes 9 µs" in text
+    assert "In a crowd of 4,096 the cheapest is mm-exact, 7 µs a character (lmm-D within what rep" in text
+    assert "repeats differ by); the dearest is lmm-PSD, 9 µs." in text
+    worse = systems | {"mm-exact": MM, "lmm-D": (20.0, 80.0, WORSE)}
+    faster = [*crowd[:-1], ("lmm-D", 4096, 1.0, 0.9, 1.1)]
+    text = sentences(measured(worse, faster))
+    assert "lmm-D, 1 µs a character, without that quality; of those that keep it mm-exact, 7 µs" in text
     alone = sentences(measured(systems, crowd[:1]))
     assert "In a crowd of 1 mm-exact takes 50 µs a character." in alone
 
@@ -155,7 +191,9 @@ def test_missing_systems_and_numbers():
     # Without motion matching nothing is held against anything, and all the rest is told.
     without = verdict.of(measured({"pfnn-cubic": (9.0, 900.0, {}), "pfnn-constant": (50.0, 100.0, {})}))
     assert without.reference is None and "no exact motion matching among them" in without.paragraph
-    assert "pfnn-cubic is the smallest, with 9 MB" in without.paragraph
+    assert (
+        "The smallest that fails on no course is pfnn-cubic: 9 MB" in without.paragraph and not without.rule
+    )
     # Feet that are not held stand for those that are.
     free = verdict.of(measured({"mm-exact-free": MM, "lmm-D-free": (20.0, 80.0, {})}))
     assert free.reference == "mm-exact-free"
@@ -178,5 +216,54 @@ def test_one_run_alone_tests_nothing_and_says_so():
     found = measured({"mm-exact": MM, "lmm-D": (20.0, 80.0, WORSE)}, seeds=1)
     one = found.runs[found.runs["course"] == "star"]
     text = sentences(replace(found, runs=one))
-    assert "of one run no difference can be tested" in text and "mm-exact's, 5" in text
+    assert "of one run no difference can be tested" in text and "Ahead" not in text and "shown" not in text
     assert "more foot skate" not in verdict.of(replace(found, runs=one)).systems["lmm-D"]
+
+
+def number(text):
+    return float(text.replace(",", ""))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_whatever_the_tables_are_what_it_says_is_in_them(seed):
+    """Of systems drawn at random every claim is looked up."""
+    rng = np.random.default_rng(seed)
+    systems = {}
+    for name in ("mm-exact", *(f"lmm-{i}" for i in range(rng.integers(1, 8)))):
+        metrics = {"skate_cm_s": rng.uniform(8, 14), "path_cm": rng.uniform(4, 8)}
+        if rng.random() < 0.25 and name != "mm-exact":
+            metrics["stall_s"] = odd(rng.choice(COURSES), 7.0, 0.1)
+        if rng.random() < 0.2:
+            metrics["path_cm"] = math.nan
+        systems[name] = (rng.uniform(1, 100), rng.uniform(10, 100), metrics)
+    crowd = [(name, 256, us := rng.uniform(1, 20), 0.95 * us, 1.05 * us) for name in systems]
+    found = measured(systems, crowd)
+    judged, text = verdict.of(found), sentences(found)
+    memory, time = ({n: found.of(n, column) for n in systems} for column in (verdict.MEMORY, verdict.COST))
+    keeps, own = judged.keeps, found.summary.set_index("system")
+    for name in set(systems) - set(keeps):
+        more = [own[m][name] - max(1.25 * own[m]["mm-exact"], own[m]["mm-exact"] + slack)
+                for m, slack in (("skate_cm_s", 1.0), ("path_cm", 2.0))]  # fmt: skip
+        assert name in judged.breaks or not all(
+            one <= 0 or math.isnan(own["path_cm"]["mm-exact"]) for one in more
+        )
+    assert list(judged.budgets) == sorted(judged.budgets, key=memory.get)
+    assert [time[n] for n in judged.budgets] == sorted((time[n] for n in judged.budgets), reverse=True)
+    if said := re.search(r"The smallest that keeps mm-exact's quality is (\S+): ([\d.,]+) MB", text):
+        assert said[1] == min(keeps, key=memory.get) and number(said[2]) == pytest.approx(
+            memory[said[1]], rel=0.01
+        )
+    else:
+        assert set(keeps) <= {"mm-exact"}
+    for megabytes, name in re.findall(r"[Ww]ith ([\d.,]+) MB (\S+) is faster", text):
+        smaller = [n for n in keeps if memory[n] < memory[name]]
+        assert name in keeps and number(megabytes) == pytest.approx(memory[name], rel=0.01)
+        assert all(time[name] < time[n] for n in judged.budgets if n in smaller)
+    for words, name in re.findall(r"(Smaller|Faster|Smaller and faster) still is (\S+),", text):
+        assert name not in keeps
+        assert "aster" not in words or time[name] < min(time[n] for n in keeps)
+        assert "maller" not in words or memory[name] < min(memory[n] for n in keeps)
+    cheapest = re.search(r"In a crowd of 256 the cheapest is (\S+),", text)[1]
+    assert cheapest == min(crowd, key=lambda row: row[2])[0]
+    assert ("None fails" in text) == (not judged.breaks)
+    assert all(f"{name} " in text or "others" in text for name in judged.breaks)

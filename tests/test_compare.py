@@ -115,8 +115,8 @@ def test_an_obedient_system_has_no_error(known):
 
 def test_a_slow_system_is_seen_to_be_slow(known):
     assert cell(known, "half", "speed_ratio", "straight") == pytest.approx(0.5, abs=1e-3)
-    assert cell(known, "half", "response_share", "steps") < cell(known, "obedient", "response_share", "steps")
-    assert cell(known, "obedient", "response_share", "steps") == 1
+    assert cell(known, "half", "unanswered_share", "steps") > 0
+    assert cell(known, "obedient", "unanswered_share", "steps") == 0
     # Smoothing over 0.2 s is all that stands between command and answer.
     assert cell(known, "obedient", "speed_response_s", "steps") <= 0.1 + 2 / 60
     assert cell(known, "obedient", "heading_response_s", "steps") <= 0.1 + 2 / 60
