@@ -213,7 +213,16 @@ def _found(**changes: Any) -> dict[str, Any]:
         "database": {"fps": 30.0},
         "poses": {"training": {}, "held_out": {"position_cm": {"mean": 2.5}}},
         "free_run": {"training": {"drift": [{"steps": 10, "joints_cm": 4.0}]}, "held_out": {"drift": []}},
-        "costs": [{"frame_us": 500.0}, {"frame_us": 300.0}],
+        "costs": [
+            {"frame_us": 500.0, "network_us": 400.0},
+            {"frame_us": 300.0, "network_us": 200.0},
+            {"frame_us": 10.0},  # of another kind
+        ],
+        "courses": [
+            {"system": "pfnn", "course": "star", "path_max_cm": 51.0, "stall_s": 1.0},
+            {"system": "pfnn", "course": "random", "path_max_cm": float("nan"), "stall_s": 3.0},
+            {"system": "pfnn-free", "course": "star", "path_max_cm": 90.0, "stall_s": 9.0},
+        ],
         "systems": [
             {"system": "mm", "skate_cm_s": 5.0, "path_cm": 2.0, "stall_s": 0.3},
             {"system": "pfnn", "skate_cm_s": 5.0, "path_cm": 4.0, "path_max_cm": 51.0, "stall_s": 3.0},
@@ -237,15 +246,22 @@ def test_targets_by_hand():
         (300.0, True),
         (None, True),
     ]
-    lame = [{"system": "mm", "stall_s": 4.0}, {"system": "pfnn", "stall_s": 3.5}]
+    assert [row["what"].rpartition(" ")[2] for row in rows[2:4]] == ["(star)", "(random)"]
+    lame = [{"system": "mm", "stall_s": 4.0}, {"system": "pfnn"}]
     row = next(r for r in locomotion.targets(_found(systems=lame)) if "without a step" in r["what"])
-    assert row == {"what": row["what"], "at most": 4.0, "found": 3.5, "met": True}
+    assert row == {"what": row["what"], "at most": 4.0, "found": 3.0, "met": True}
     lost = [{"system": "mm"}, {"system": "pfnn-free", "broke": 1}]
-    rows = locomotion.targets(
-        _found(systems=lost, endurance={"minutes": 0.1, "passed": False, "stall_s": None})
-    )
-    assert {row["met"] for row in rows if "path" in row["what"] or "step when" in row["what"]} == {None}
+    broke = {"system": "pfnn-free", "course": "circle", "broke": True}
+    found = _found(systems=lost, endurance={"minutes": 0.1, "passed": False, "stall_s": None})
+    found["courses"].append(broke)  # beside one where it did well
+    rows = locomotion.targets(found)
+    assert [row["met"] for row in rows if "any course" in row["what"]] == [False, False]
+    assert all(row["what"].endswith("(circle)") for row in rows if "any course" in row["what"])
+    assert {row["met"] for row in rows if "path / motion" in row["what"]} == {None}
     assert rows[-1]["met"] is False
+    found["courses"] = [{"system": "pfnn-free", "course": "random", "stall_s": float("nan")}]
+    rows = locomotion.targets(found)
+    assert [row["met"] for row in rows if "any course" in row["what"]] == [None, None]
 
 
 @pytest.mark.parametrize("make", [pfnn_models.model, mann_models.model])
@@ -262,8 +278,10 @@ def test_the_whole_judgement_of_each_kind(make, database, tmp_path, capsys, monk
     assert found["against"]["significance"] >= 0
     assert found["endurance"]["minutes"] == pytest.approx(0.02, rel=0.01)
     modes = {"pfnn": ["pfnn-cubic", "pfnn-linear", "pfnn-constant"], "mann": ["mann-4"]}[family]
-    assert [row["system"] for row in found["costs"]] == modes
-    assert all(0 < row["network_us"] < row["frame_us"] for row in found["costs"])
+    *own, lmm = found["costs"]
+    assert [row["system"] for row in own] == modes and lmm["system"] == "lmm (dancecard)"
+    assert all(0 < row["network_us"] < row["frame_us"] for row in own)
+    assert all(row["of_lmm"] == pytest.approx(row["mean_us"] / lmm["mean_us"]) for row in own)
     report.show(found, "model")
     shown = capsys.readouterr().out
     assert "free runs" in shown and "against" in shown and "good enough?" in shown

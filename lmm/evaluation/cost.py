@@ -1,4 +1,5 @@
-"""What a frame of a network of locomotion costs: operations counted, and time measured."""
+"""What a frame of a network of locomotion costs: operations counted, and time measured, beside the learned
+motion matching that ships."""
 
 from __future__ import annotations
 
@@ -8,15 +9,19 @@ from typing import Any
 
 import numpy as np
 
-from lmm import models
+from lmm import models, pretrained
+from lmm.controller import controller
 from lmm.locomotion.model import LocomotionModel
 from lmm.mann.model import MannModel
+from lmm.model import Model
 from mm import queries, recording
+from mm.course import Course
 from mm.database import Database
 from mm.driving import Clock
 from motion import console
 
 SECONDS = 5.0
+SHIPS = pretrained.names()[0]
 
 
 def operations(sizes: Sequence[int]) -> int:
@@ -38,29 +43,41 @@ def of_model(model: LocomotionModel) -> int:
 def costs(
     model: LocomotionModel, database: Database, *, seconds: float = SECONDS, seed: int = 1
 ) -> list[dict[str, Any]]:
-    """A row a way to run a network, one character under random commands.
+    """A row a way to run a network, one character under random commands, and one of `SHIPS` under the same.
 
-    operations; frame_us and network_us, medians of a whole step and of the network's share of it; memory_mb,
-    all that the system holds; ns_per_operation, network_us by operations.
+    operations; frame_us and network_us, medians of a whole step and of the network's share of it; mean_us,
+    of a step, of the seconds' means the median, since learned motion matching searches in some frames only;
+    of_lmm, mean_us by that of `SHIPS`; memory_mb, all that the system holds; ns_per_operation, network_us by
+    operations.
     """
-    counted, rows = of_model(model), []
-    course = queries.random_user(database, seconds, seed=seed)
+    counted, course = of_model(model), queries.random_user(database, seconds, seed=seed)
+    rows = []
     for make in models.controllers(model).values():
         system = make(count=1)
-        clock = Clock(course, system.count, system.fps)
-        whole, stages = (
-            recording.record(system, course, seconds=seconds, driver=clock, progress=console.silent)
-            for system.timed in (False, True)
-        )
-        network = stages.stage_seconds[:, stages.stages.index("network")]
-        rows.append(
-            {
-                "system": system.name,
-                "operations": counted,
-                "frame_us": float(1e6 * np.median(whole.step_seconds)),
-                "network_us": float(1e6 * np.median(network)),
-                "ns_per_operation": float(1e9 * np.median(network) / counted),
-                "memory_mb": sum(system.memory().values()) / 1e6,
-            }
-        )
-    return rows
+        row = _measured(system, course, seconds)
+        system.timed = True
+        stages = _record(system, course, seconds)
+        network = float(np.median(stages.stage_seconds[:, stages.stages.index("network")]))
+        own = {"network_us": 1e6 * network, "ns_per_operation": 1e9 * network / counted}
+        rows.append(row | {"operations": counted} | own)
+    ships = models.load(SHIPS)
+    assert isinstance(ships, Model)
+    rows.append(_measured(controller(ships, name=f"lmm ({SHIPS})"), course, seconds))
+    return [row | {"of_lmm": row["mean_us"] / rows[-1]["mean_us"]} for row in rows]
+
+
+def _measured(system: Any, course: Course, seconds: float) -> dict[str, Any]:
+    """What any system costs."""
+    steps = 1e6 * _record(system, course, seconds).step_seconds
+    parts = np.array_split(steps, max(1, len(steps) // round(system.fps)))
+    return {
+        "system": system.name,
+        "frame_us": float(np.median(steps)),
+        "mean_us": float(np.median([part.mean() for part in parts])),
+        "memory_mb": sum(system.memory().values()) / 1e6,
+    }
+
+
+def _record(system: Any, course: Course, seconds: float) -> Any:
+    clock = Clock(course, system.count, system.fps)
+    return recording.record(system, course, seconds=seconds, driver=clock, progress=console.silent)

@@ -218,14 +218,32 @@ def targets(found: dict[str, Any]) -> list[dict[str, Any]]:
     family = found["kind"]
     mine = system_of(found, family)
     if mine:
-        rows.append(target("furthest from the path on any course, cm", OFF_PATH_CM, mine.get("path_max_cm")))
-        most = max(STALL_S, (system_of(found, "mm") or {}).get("stall_s") or 0)  # or as motion matching does
-        rows.append(target("longest time without a step when asked to go, s", most, mine.get("stall_s")))
+        rows += _of_courses(found, mine["system"])
     rows += beside_matching(found, family)
-    if found["costs"]:
-        least = min(row["frame_us"] for row in found["costs"])
-        rows.append(target("a frame of one character, µs", THESIS_FRAME_US, least))
+    own = [row["frame_us"] for row in found["costs"] if "network_us" in row]
+    if own:
+        rows.append(target("a frame of one character, µs", THESIS_FRAME_US, min(own)))
     return [*rows, lasting(found)]
+
+
+def _of_courses(found: dict[str, Any], name: str) -> list[dict[str, Any]]:
+    """Targets of a system on every course: who strays, dies out or breaks on one of them misses them."""
+    most = max(STALL_S, (system_of(found, "mm") or {}).get("stall_s") or 0)  # or as motion matching does
+    runs = [row for row in found["courses"] if row["system"] == name]
+    rows = []
+    for column, what, limit in (
+        ("path_max_cm", "furthest from the path on any course, cm", OFF_PATH_CM),
+        ("stall_s", "longest time without a step when asked to go, on any course, s", most),
+    ):
+        known = {
+            run["course"]: np.inf if "broke" in run else run[column]
+            for run in runs
+            if "broke" in run or np.isfinite(run.get(column, np.nan))
+        }
+        worst = max(known, key=lambda course: known[course], default=None)
+        where = f"{what} ({worst})" if worst else what
+        rows.append(target(where, limit, known[worst] if worst else None))
+    return rows
 
 
 def _about_model(model: LocomotionModel) -> dict[str, Any]:

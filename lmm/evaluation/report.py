@@ -99,7 +99,7 @@ def of_network(found: dict[str, Any], name: str) -> dict[str, list[dict[str, Any
         ],
         "relative error of a step |t - p| / |t|, over files (the thesis, formula 3.1)": accuracy(found),
         "what a frame of one character costs; operations by the thesis's formula 6.1": [
-            {title: _rounded(row[key], digits) for key, title, digits in COST} for row in found["costs"]
+            {title: _rounded(row.get(key), digits) for key, title, digits in COST} for row in found["costs"]
         ],
     }
 
@@ -121,6 +121,8 @@ COST = (
     ("system", "system", 0),
     ("operations", "operations", 0),
     ("frame_us", "frame µs", 1),
+    ("mean_us", "mean µs", 1),
+    ("of_lmm", "/ LMM's", 2),
     ("network_us", "network µs", 1),
     ("ns_per_operation", "ns an operation", 3),
     ("memory_mb", "memory MB", 2),
