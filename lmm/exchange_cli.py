@@ -72,21 +72,29 @@ def export(model: str, form: str, output: str, db: str | None) -> None:
 
 
 @click.command(
-    "import", epilog="Example: python -m lmm import reference/resources --db walk.mmdb -o walk.lmm"
+    "import",
+    epilog="\b\nExamples: python -m lmm import reference/resources --db walk.mmdb -o walk.lmm\n"
+    "          python -m lmm import pfnn/network --animations pfnn/animations -o walk.pfnn",
 )
 @click.argument("directory", type=click.Path())
 @click.option(
     "--db",
-    required=True,
     type=click.Path(),
     metavar="DB",
     help="Database that the networks were trained from; `python -m mm import` reads the reference's.",
 )
+@click.option(
+    "--animations",
+    type=click.Path(),
+    metavar="FOLDER",
+    help="For a phase-functioned network: the clips that were published with it, of whose skeleton it is.",
+)
 @click.option("-o", "--output", required=True, type=click.Path(), metavar="MODEL", help="Model to write.")
-def import_(directory: str, db: str, output: str) -> None:
-    """Turn the public reference's networks into a model.
+def import_(directory: str, db: str | None, animations: str | None, output: str) -> None:
+    """Turn the public reference's networks, or the published phase-functioned network, into a model.
 
     DIRECTORY must hold decompressor.bin, stepper.bin and projector.bin; latent.bin is used if it is there.
+    Of a phase-functioned network it holds W0_000.bin and so on; give --animations in place of --db then.
 
     The files hold numbers only, so skeleton, features, normalisation and frame rate are taken from DB.
     Networks that were trained on another database still run, but the motion makes no sense; therefore the
@@ -100,9 +108,20 @@ def import_(directory: str, db: str, output: str) -> None:
 
     from . import interchange
 
+    if (db is None) == (animations is None):
+        raise click.UsageError("give --db, or --animations where it is a phase-functioned network")
+    if animations is not None:
+        from .pfnn import published
+
+        files.check_output(output, inputs=[animations, *published.files_of(directory)])
+        phased = published.model(directory, animations)
+        phased.save(output)
+        size = Path(output).stat().st_size / 1e6
+        print(f"{output}: {phased.parameters:,} parameters, {size:.2f} MB")
+        return
     binaries = [Path(directory, f"{name}.bin") for name in (*interchange.RUNTIME, "latent", "features")]
     files.check_output(output, inputs=[db, *binaries])
-    model = interchange.import_directory(directory, Database.load(db))
+    model = interchange.import_directory(directory, Database.load(str(db)))
     model.save(output)
     off = model.errors["decompressor"]["all"]
     print(

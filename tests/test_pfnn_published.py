@@ -7,7 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
+from lmm.cli import main
 from lmm.pfnn import published
 from lmm.pfnn.controller import PhaseController
 from lmm.pfnn.layout import Layout
@@ -139,6 +141,28 @@ def test_a_missing_file_is_named(data: Path, tmp_path: Path) -> None:
     (folder / "Ystd.bin").unlink()
     with pytest.raises(UserError, match=r"Ystd.bin: cannot read: No such file"):
         published.network(folder)
+
+
+def test_the_command(data: Path, model: PhaseModel, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr(published, "describe", lambda animations: model.description)  # which takes longest
+    folder, out = folder_with(data, tmp_path), tmp_path / "published.pfnn"
+    assert {path.name for path in published.files_of(folder)} <= {path.name for path in folder.iterdir()}
+
+    def run(*more: object, code: int = 0) -> str:
+        arguments = ["import", str(folder), "-o", str(out), *map(str, more)]
+        result = CliRunner().invoke(main, arguments)
+        assert result.exit_code == code, result.output
+        return result.output
+
+    assert "2,391,260 parameters" in run("--animations", data / "pfnn" / "animations")
+    loaded = PhaseModel.load(out).network.to_arrays("")
+    for name, array in model.network.to_arrays("").items():
+        np.testing.assert_array_equal(loaded[name], array)
+    assert "give --db, or --animations" in run(code=2)
+    file = folder / "Xmean.bin"
+    file.write_bytes(file.read_bytes() + bytes(4))
+    told = run("--animations", data / "pfnn" / "animations", code=2)
+    assert "Xmean.bin: 1,372 bytes, expected 1,368 for 342 numbers" in told and len(told.splitlines()) == 1
 
 
 def test_numbers_that_are_not_finite_are_refused(tmp_path: Path) -> None:

@@ -60,6 +60,12 @@ def network(folder: str | os.PathLike[str], *, joints: int = JOINTS) -> PhaseNet
     return PhaseNetwork(**statistics, weights=tuple(weights), biases=tuple(biases))
 
 
+def files_of(folder: str | os.PathLike[str]) -> list[Path]:
+    """All that `network` reads."""
+    layers = [f"{part}{layer}_{k}" for part in "Wb" for layer in range(3) for k in CONTROL_FILES]
+    return [Path(folder, f"{name}.bin") for name in (*layers, "Xmean", "Xstd", "Ymean", "Ystd")]
+
+
 def unit_scales(layout: Layout) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """What inputs [I] and outputs [O] of the published network are multiplied by to be in our units."""
     into, out = np.ones(layout.input_size, np.float32), np.ones(layout.output_size, np.float32)
@@ -93,7 +99,8 @@ def read(path: Path, *shape: int) -> NDArray[np.float32]:
 
 def model(network_folder: str | os.PathLike[str], animations: str | os.PathLike[str]) -> PhaseModel:
     """The published network with the skeleton, legs and speeds of the published animations (BVH, 120 fps)."""
-    return PhaseModel(description=describe(animations), network=network(network_folder))
+    loaded = network(network_folder)  # first: what is wrong with it is told at once
+    return PhaseModel(description=describe(animations), network=loaded)
 
 
 def describe(animations: str | os.PathLike[str]) -> Description:
