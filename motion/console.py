@@ -283,24 +283,34 @@ def progress(
             start = time.monotonic()
             for done, item in enumerate(items, 1):
                 yield item
-                rate = done / max(time.monotonic() - start, 1e-9)
+                pace = _pace((time.monotonic() - start) / done, unit)
                 told = note() if note else ""
-                bar.update(task, advance=1, rate=f"{rate:.1f} {unit}/s", note=told)
+                bar.update(task, advance=1, rate=pace, note=told)
         return
     start = last = time.monotonic()
     for done, item in enumerate(items, 1):
         yield item
         now = time.monotonic()
+        if done == 1:
+            start = now  # the first one may have compiled code, and says nothing about the others
         if now - last >= 10:
-            last, rate = now, done / (now - start)
-            left = f", {_duration((total - first - done) / rate)} left" if total else ""
+            last, left = now, ""
+            if done > 1:
+                each = (now - start) / (done - 1)
+                left = f", {_pace(each, unit)}"
+                left += f", {_duration((total - first - done) * each)} left" if total else ""
             share = f"{first + done}/{total}" if total else str(first + done)
             told = f"; {note()}" if note else ""
-            print(f"{label}: {share} {unit}, {rate:.1f} {unit}/s{left}{told}", file=sys.stderr, flush=True)
+            print(f"{label}: {share} {unit}{left}{told}", file=sys.stderr, flush=True)
 
 
 def _duration(seconds: float) -> str:
     return f"{seconds:.0f} s" if seconds < 600 else f"{seconds / 60:.0f} min"
+
+
+def _pace(each: float, unit: str) -> str:
+    """How fast work goes of which one takes so many seconds."""
+    return f"{1 / each:.1f} {unit}/s" if 0 < each <= 1 else f"{each:,.{int(each < 100)}f} s each"
 
 
 def needs(extra: str, module: str) -> Callable[[Callable[..., T]], Callable[..., T]]:

@@ -236,10 +236,20 @@ def test_progress_off_a_terminal_is_a_line_every_ten_seconds(
         clock[0] += 4.0
     lines = capsys.readouterr().err.splitlines()
     assert lines == [
-        "reading: 3/10 files, 0.2 files/s, 28 s left",
-        "reading: 6/10 files, 0.2 files/s, 16 s left",
-        "reading: 9/10 files, 0.2 files/s, 4 s left",
+        "reading: 3/10 files, 4.0 s each, 28 s left",
+        "reading: 6/10 files, 4.0 s each, 16 s left",
+        "reading: 9/10 files, 4.0 s each, 4 s left",
     ]
+
+
+def test_a_first_item_that_takes_long_is_no_measure_of_the_others(
+    clock: list[float], capsys: pytest.CaptureFixture[str]
+) -> None:
+    for i in console.progress(range(100), label="reading", unit="files"):
+        clock[0] += 0.25 if i else 60.0
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == "reading: 1/100 files"
+    assert lines[1] == "reading: 41/100 files, 4.0 files/s, 15 s left"
 
 
 def test_short_work_makes_no_lines(clock: list[float], capsys: pytest.CaptureFixture[str]) -> None:
@@ -250,7 +260,7 @@ def test_short_work_makes_no_lines(clock: list[float], capsys: pytest.CaptureFix
 def test_progress_without_a_total_counts_up(clock: list[float], capsys: pytest.CaptureFixture[str]) -> None:
     for _ in console.progress(iter(range(2)), label="training"):
         clock[0] += 10.0
-    assert capsys.readouterr().err.splitlines()[-1] == "training: 2 it, 0.1 it/s"
+    assert capsys.readouterr().err.splitlines()[-1] == "training: 2 it, 10.0 s each"
 
 
 def test_progress_goes_on_where_it_stopped_and_tells_more(
@@ -259,8 +269,9 @@ def test_progress_goes_on_where_it_stopped_and_tells_more(
     for _ in console.progress(range(6, 10), label="training", first=6, note=lambda: "loss 0.5"):
         clock[0] += 1000.0
     lines = capsys.readouterr().err.splitlines()
-    assert lines[0] == "training: 7/10 it, 0.0 it/s, 50 min left; loss 0.5"
-    assert lines[-1] == "training: 10/10 it, 0.0 it/s, 0 s left; loss 0.5"
+    assert lines[0] == "training: 7/10 it; loss 0.5"
+    assert lines[1] == "training: 8/10 it, 1,000 s each, 33 min left; loss 0.5"
+    assert lines[-1] == "training: 10/10 it, 1,000 s each, 0 s left; loss 0.5"
 
 
 def test_progress_on_a_terminal_tells_more(monkeypatch: pytest.MonkeyPatch) -> None:
