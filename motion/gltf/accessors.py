@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import digits
-from .document import Document, Item
+from .document import Bytes, Document, Item
 
 MOST_KEYS, MOST_ZEROS = 10_000_000, 100_000  # zeros cost the file nothing
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
@@ -58,6 +58,20 @@ def _view(item: Item, dtype: np.dtype, count: int, width: int) -> NDArray:
     if index is None:
         raise item.fault("bufferView is missing")
     view = document.items("bufferViews")[index]
+    data = block(view)
+    size = dtype.itemsize * width
+    stride = view.integer("byteStride", size, least=1, most=252) if "byteStride" in view.data else size
+    offset = item.integer("byteOffset", 0)
+    if stride < size or offset + stride * (count - 1) + size > len(data):
+        raise item.fault(
+            f"{count} values of {size} bytes, {stride} apart from byte {offset} on, do not fit into the "
+            f"{len(data)} bytes of {view.where}"
+        )
+    return np.ndarray((count, width), dtype, data.data, offset, (stride, dtype.itemsize))
+
+
+def block(view: Item) -> Bytes:
+    """The bytes of a bufferView; compressed ones, and those that its buffer has not, are a UserError."""
     extensions = view.item("extensions")
     for name in _COMPRESSED:
         if extensions is not None and name in extensions.data:
@@ -65,20 +79,11 @@ def _view(item: Item, dtype: np.dtype, count: int, width: int) -> NDArray:
     buffer = view.index("buffer", "buffers")
     if buffer is None:
         raise view.fault("buffer is missing")
-    data = document.buffer(buffer)
+    data = view.document.buffer(buffer)
     start, length = view.integer("byteOffset", 0), view.integer("byteLength", least=1)
     if start + length > len(data):
         raise view.fault(f"it ends at byte {start + length} of a buffer of {len(data)}")
-    size = dtype.itemsize * width
-    stride = view.integer("byteStride", size, least=1, most=252) if "byteStride" in view.data else size
-    offset = item.integer("byteOffset", 0)
-    if stride < size or offset + stride * (count - 1) + size > length:
-        raise item.fault(
-            f"{count} values of {size} bytes, {stride} apart from byte {offset} on, do not fit into the "
-            f"{length} bytes of {view.where}"
-        )
-    block = data[start : start + length]
-    return np.ndarray((count, width), dtype, block.data, offset, (stride, dtype.itemsize))
+    return data[start : start + length]
 
 
 def _replaced(sparse: Item, raw: NDArray) -> NDArray:

@@ -239,9 +239,14 @@ def _buffer(document: Document, item: Item, index: int) -> Bytes:
         if index != 0 or document.binary is None:
             raise item.fault("it has no uri, and the file no binary chunk for it")
         return document.binary
+    return of_uri(document.path, item)
+
+
+def of_uri(path: Path, item: Item) -> Bytes:
+    """Bytes that the uri of a buffer or an image holds or names; no such ones are a UserError."""
     match = _DATA_URI.match(item.text("uri"))
     if match is None:
-        return _external(document.path, item)
+        return _external(path, item)
     try:
         return np.frombuffer(base64.b64decode(item.text("uri")[match.end() :], validate=True), np.uint8)
     except (ValueError, binascii.Error) as error:
@@ -251,7 +256,7 @@ def _buffer(document: Document, item: Item, index: int) -> Bytes:
 def _external(path: Path, item: Item) -> Bytes:
     """Bytes of a file that stands in the folder of the glTF file, or below it."""
     uri = unquote(item.text("uri"))
-    inside = "a buffer's file stands beside the glTF file, or in a folder there"
+    inside = "such a file stands beside the glTF file, or in a folder there"
     if not uri or _SCHEME.match(uri) or uri.startswith(("/", "\\")) or "\0" in uri:
         raise item.fault(f"uri {_shown(uri)} is no relative path", inside)
     folders = {Path(os.path.realpath(path.parent)), Path(os.path.realpath(path)).parent}

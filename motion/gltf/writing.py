@@ -19,7 +19,8 @@ from ..errors import UserError
 from .skins import Skin
 
 MOVES = 1e-6  # metres by which a joint leaves its rest offset whose translation is written
-SHADES = 64  # colours that are told apart in a mesh, by steps of 1 / 64
+SHADES = 64  # steps of colours that are told apart in a mesh
+MOST_MATERIALS = 32  # a mesh of more colours bears them at its vertices
 _FLOAT, _SHORT, _INT, _VERTICES, _INDICES = 5126, 5123, 5125, 34962, 34963
 _KINDS = {1: "SCALAR", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 
@@ -130,23 +131,38 @@ def _mesh(builder: _Builder, clip: Clip, skin: Skin | None) -> None:
     if skin is None:
         return
     shades = np.round(skin.colours[skin.triangles[:, 0]] * SHADES) / SHADES
+    groups = _by_colour(shades, skin.triangles)
+    painted = len(groups) > MOST_MATERIALS
+    if painted:
+        groups = [(np.ones(3), skin.triangles)]
     materials, primitives = [], []
-    for k, (shade, triangles) in enumerate(_by_colour(shades, skin.triangles)):
+    for k, (shade, triangles) in enumerate(groups):
         surface = {"baseColorFactor": [*shade.tolist(), 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.8}
         materials.append({"name": f"colour_{k}", "pbrMetallicRoughness": surface})
         own, corners = np.unique(triangles, return_inverse=True)
+        weights = skin.weights[own]
         attributes = {
             "POSITION": builder.accessor(skin.vertices[own], bounds=True, target=_VERTICES),
-            "JOINTS_0": builder.accessor(skin.joints[own], _SHORT, target=_VERTICES),
-            "WEIGHTS_0": builder.accessor(skin.weights[own], target=_VERTICES),
+            "JOINTS_0": builder.accessor(
+                np.where(weights > 0, skin.joints[own], 0), _SHORT, target=_VERTICES
+            ),
+            "WEIGHTS_0": builder.accessor(weights, target=_VERTICES),
         }
+        if painted:
+            attributes["COLOR_0"] = builder.accessor(skin.colours[own], target=_VERTICES)
         if skin.normals.any():
-            attributes["NORMAL"] = builder.accessor(skin.normals[own], target=_VERTICES)
+            attributes["NORMAL"] = builder.accessor(_units(skin.normals[own]), target=_VERTICES)
         indices = builder.accessor(corners.reshape(-1), _INT, target=_INDICES)
         primitives.append({"attributes": attributes, "indices": indices, "material": k})
     builder.json["materials"], builder.json["meshes"] = materials, [{"primitives": primitives}]
     builder.json["nodes"].append({"name": "body", "mesh": 0, "skin": 0})
     builder.json["scenes"][0]["nodes"].append(len(builder.json["nodes"]) - 1)
+
+
+def _units(normals: NDArray) -> NDArray:
+    """Normals [V, 3] of length 1, as the format demands; those without a length point upwards."""
+    lengths = np.linalg.norm(normals, axis=-1, keepdims=True)
+    return np.where(lengths > 0, normals / np.where(lengths > 0, lengths, 1), [0.0, 1.0, 0.0])
 
 
 def _by_colour(shades: NDArray, triangles: NDArray) -> list[tuple[NDArray, NDArray]]:
