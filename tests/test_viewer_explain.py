@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ import synthetic
 
 from features import normalise
 from lmm import controller as controllers
+from lmm.model import Model
 from mm.build import build
 from mm.codecs import stages as compressed_stages
 from mm.codecs.compressed import compress
@@ -86,6 +88,42 @@ def test_at_every_search_of_a_course_the_winner_is_the_engines(walks: Path, sche
     assert len(jumps) == timeline.stack("transition").sum() > 10
     assert all(each.chosen.frame == each.winner for each in jumps)
     assert any(each.winner < 0 for each in found)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [Settings(ignore_radius=0.9, ignore_end=0.1, continuing_bias=0.0), Settings(ignore_radius=0.05)],
+)
+def test_so_it_is_by_any_settings(database: Database, settings: Settings) -> None:
+    timeline = drive(Controller(database, settings=settings), database, 4.0).actors["it"].timeline
+    found = explained(timeline, database, count=1)
+    assert len(found) > 30 and all(each.agrees and each.winner_cost == each.found_cost for each in found)
+
+
+def test_what_an_index_missed_is_said_to_be_missed(database: Database) -> None:
+    timeline = drive(Controller(database), database, 3.0).actors["it"].timeline
+    steps = [step for step in searches(timeline) if timeline.record(step)["transition"]]
+    record = timeline.record(steps[0])
+    exact = explain.explain(database, record, Settings())
+    second = next(each for each in exact.candidates if each.verdict == explain.BEATEN)
+    record |= {"candidate": np.int32(second.frame), "cost_candidate": np.float32(second.cost)}
+    found = explain.explain(database, record, Settings())
+    assert not found.agrees and found.winner == exact.found and found.chosen.frame == second.frame
+    best = next(each for each in found.candidates if each.frame == exact.found)
+    assert best.verdict == explain.MISSED and f"beats {second.cost:.3g}, but was not found" in best.reason
+
+
+def test_a_jump_that_tags_asked_for_is_no_end_of_a_clip(database: Database) -> None:
+    timeline = drive(Controller(database), database, 6.0, crouch=0.5).actors["it"].timeline
+    ends, seen = database.stops[database.ranges()] - 1, set()
+    for step, each in zip(searches(timeline), explained(timeline, database, count=1), strict=True):
+        record = timeline.record(step)
+        if not record["transition"] or np.isfinite(record["cost_current"]):
+            continue
+        ended = ends[record["source"]] == record["source"]
+        assert each.chosen.reason.endswith("the clip ended" if ended else "not what was asked for")
+        seen.add(ended)
+    assert False in seen
 
 
 def test_the_reasons_are_true(database) -> None:
@@ -170,9 +208,11 @@ def test_settings_and_weights_of_the_time_explain_what_was_done_then(database) -
     assert explain.step_of(timeline, 0.01) == 1  # the first command makes one
 
 
-def test_a_compressed_database_explains_its_own_searches() -> None:
-    small = compress(lmm_models.database(), "float16", rigs=False)
-    timeline = drive(compressed_stages.controller(small), small.decoded(), 3.0, 0.0).actors["it"].timeline
+@pytest.mark.parametrize(("features", "index"), [("float16", "exact"), ("8bit", "aabb"), ("8bit", "coded")])
+def test_a_compressed_database_explains_its_own_searches(features: str, index: str) -> None:
+    small = compress(lmm_models.database(), f"float16+features-{features}", rigs=False)
+    system = compressed_stages.controller(small, index=index)
+    timeline = drive(system, small.decoded(), 3.0, 0.0).actors["it"].timeline
     found = explained(timeline, small)
     assert len(found) > 20 and all(each.agrees for each in found)
 
@@ -199,6 +239,32 @@ def test_a_projectors_answer_stands_beside_the_exact_one(learned: str) -> None:
     np.testing.assert_allclose(each.answer.costs, 0, atol=1e-6)
     assert each.table()["verdict"].iloc[-1] == "answer"
     assert explain.at(timeline, timeline.end, data).answer is None
+
+
+@pytest.mark.parametrize("learned", ["P", "PSD"])
+@pytest.mark.parametrize("make", [lmm_models.model, lmm_models.linear_model])
+def test_what_became_of_a_networks_answer_is_told(learned: str, make: Callable[[Database], Model]) -> None:
+    """A model of random numbers is hardly ever listened to, one that answers with the query always is."""
+    data = lmm_models.database()
+    system = controllers.controller(make(data), learned=learned, database=data)
+    timeline = drive(system, data, 2.0, 0.0).actors["it"].timeline
+    projector, seen = explain.projector_of(system), set()
+    for step, each in zip(searches(timeline), explained(timeline, data, projector=projector), strict=True):
+        record = timeline.record(step)
+        took = record["transition"] and np.isfinite(record["cost_current"])
+        cost, current = record["cost_candidate"], record["cost_current"]
+        assert each.answer is not None
+        if took:
+            assert each.answer.reason.startswith(f"taken: {cost:.3g} beats {each.bound:.3g};")
+        elif cost >= current:
+            assert each.answer.reason.startswith(
+                f"not taken: to play on costs {current:.3g}, this {cost:.3g};"
+            )
+        seen.add(bool(took))
+        for one in each.candidates:  # none is said to be beaten by what cost more
+            if one.verdict in (explain.BEATEN, explain.MISSED):
+                assert (one.verdict == explain.MISSED) == (one.cost < cost)
+    assert (make is lmm_models.linear_model) in seen
 
 
 def test_what_cannot_be_explained() -> None:

@@ -35,7 +35,7 @@ NEEDED = ("query", "source", "required_tags", "forbidden_tags", "candidate", "co
 COUNT = 12  # candidates that are shown
 DISTINCT = 0.2  # seconds: frames of a clip that are nearer to each other show the same moment
 
-CHOSEN, PLAYING, NEAR, END, TAGS, DEARER, BIAS, BEATEN, ANSWER = (
+CHOSEN, PLAYING, NEAR, END, TAGS, DEARER, BIAS, BEATEN, MISSED, ANSWER = (
     "chosen",
     "playing",
     "too near",
@@ -44,6 +44,7 @@ CHOSEN, PLAYING, NEAR, END, TAGS, DEARER, BIAS, BEATEN, ANSWER = (
     "dearer",
     "bias",
     "beaten",
+    "missed",
     "answer",
 )
 
@@ -279,8 +280,7 @@ class _Search:
         """In the order in which the engine asks: may the frame be had at all, does it beat what is known."""
         settings, cost = self.settings, self.costs[frame]
         if frame == self.found and self.jumped:
-            why = "the clip ended" if np.isinf(self.current) else f"{cost:.3g} beats {self.bound:.3g}"
-            return CHOSEN, f"the character jumped here: {why}"
+            return CHOSEN, f"the character jumped here: {self._why()}"
         if frame == self.source:
             if np.isfinite(self.current):
                 return PLAYING, f"it plays: to play on costs {self.current:.3g}"
@@ -298,6 +298,8 @@ class _Search:
         if cost >= self.bound:
             share = f"{settings.continuing_bias:.0%}"
             return BIAS, f"not cheaper by {share} than to play on, which takes {self.bound:.3g}"
+        if cost < self.found_cost:
+            return MISSED, f"it beats {self.found_cost:.3g}, but was not found: the search is not exact"
         return BEATEN, f"what was found costs {self.found_cost:.3g}"
 
     def answer(self, projector: ProjectorProjection) -> Candidate:
@@ -306,9 +308,26 @@ class _Search:
         row = values[0, : projector.width]
         cost = float(normalise.total_costs(projector.schema, self.query, row))
         best = float(np.where(self.allowed, self.costs, np.inf).min())
-        exact = f"the nearest frame that may be had costs {best:.3g}"
         costs = normalise.costs(projector.schema, self.query, row)
-        return Candidate(-1, "", float("nan"), False, cost, costs, ANSWER, exact)
+        reason = f"{self._taken()}; the nearest frame that may be had costs {best:.3g}"
+        return Candidate(-1, "", float("nan"), False, cost, costs, ANSWER, reason)
+
+    def _taken(self) -> str:
+        """What became of a network's answer, or of the frame that it led to."""
+        if self.jumped:
+            return f"taken: {self._why()}"
+        if self.found_cost >= self.current:
+            return f"not taken: to play on costs {self.current:.3g}, this {self.found_cost:.3g}"
+        if self.found_cost >= self.bound:
+            return f"not taken: to be cheaper enough takes {self.bound:.3g}, it costs {self.found_cost:.3g}"
+        return "not taken: it is what was answered last"
+
+    def _why(self) -> str:
+        """Why there was a jump."""
+        if np.isfinite(self.current):
+            return f"{self.found_cost:.3g} beats {self.bound:.3g}"
+        asked = self.source < 0 or bool(self.barred[self.source])
+        return "what played was not what was asked for" if asked else "the clip ended"
 
     def _tags(self, frame: int) -> str:
         for bits, how in ((self.lacking[frame], "lacks the tag"), (self.bearing[frame], "bears the tag")):
