@@ -23,7 +23,7 @@ _H264 = {
     "preset": "veryfast",
 }  # nothing is seen to be missing, and it takes half of a frame's time
 _PALETTE_OF = 4  # pictures, spread over the first ones, that tell a GIF's colours
-_AHEAD = 60
+_AHEAD, _BYTES = 60, 200_000_000  # pictures that are looked at for that, and what they may take
 
 
 def suffix(path: str | os.PathLike[str]) -> str:
@@ -65,7 +65,8 @@ def _save(picture: Image, stream: IO[bytes]) -> None:
 def _gif(stream: IO[bytes], pictures: Iterator[Image], fps: float) -> int:
     from PIL import Image as pillow
 
-    first = list(itertools.islice(pictures, _AHEAD))
+    first = [next(pictures)]
+    first += itertools.islice(pictures, min(_AHEAD, _BYTES // first[0].nbytes))
     some = np.concatenate(first[:: max(1, len(first) // _PALETTE_OF)], axis=0)
     palette = pillow.fromarray(some).quantize(256, method=pillow.Quantize.MEDIANCUT)
     count = 0
