@@ -333,7 +333,10 @@ class _Jobs:
 
 def _of(database: Database, ground: Heightmap | None, inexact: bool, held_out: list[str]) -> dict[str, Any]:
     """What all results of a comparison follow from."""
-    walked = None if ground is None else files.fingerprint({"heights": ground.heights}, ground.facts())
+    walked = None
+    if ground is not None:
+        placed = {"spacing": ground.spacing, "origin": ground.origin}
+        walked = files.fingerprint({"heights": ground.heights}, placed)
     return {
         "database": database.fingerprint,
         "ground": walked,

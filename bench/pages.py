@@ -6,6 +6,8 @@ import math
 from importlib import resources
 from typing import Any
 
+from . import kept
+
 
 def render(name: str, **values: Any) -> str:
     """The page that a template makes of values; it holds all that it needs."""
@@ -16,6 +18,7 @@ def render(name: str, **values: Any) -> str:
         autoescape=True, undefined=jinja2.StrictUndefined, loader=jinja2.FunctionLoader(_text)
     )
     environment.globals |= {"style": Markup(_text("page.css")), "script": Markup(_text("page.js"))}
+    environment.globals["source"] = kept.code
     return environment.get_template(name).render(**values)
 
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-LIBRARIES = ("numpy", "scipy", "numba", "faiss-cpu", "pandas", "safetensors")
+LIBRARIES = ("motion-matching", "numpy", "scipy", "numba", "faiss-cpu", "pandas", "safetensors")
 
 
 @contextlib.contextmanager
@@ -152,7 +152,8 @@ def best_of(function: Callable[[], Any], *, repeats: int = 5, least: float = 0.0
 
 
 def machine() -> dict[str, str]:
-    """What the numbers were measured on: processor, memory, system, versions of Python and libraries."""
+    """What the numbers were measured on: processor, memory, system, versions of Python and of libraries, this
+    program among them."""
     versions = {}
     for name in LIBRARIES:
         with contextlib.suppress(metadata.PackageNotFoundError):

@@ -247,15 +247,14 @@ def of(measured: Measured) -> Verdict:
 def _scope(measured: Measured) -> str:
     runs = measured.runs
     courses, each = runs["course"].nunique(), int(runs.groupby("system").size().max())
-    what = f"{_count(len(measured.names), 'system')}, {_count(courses, 'course')}, {_count(each, 'run')} each"
+    what = (
+        f"{_count(len(measured.names), 'system')} on {_count(courses, 'course')}, {_count(each, 'run')} each"
+    )
     if each < 2:
-        return (
-            f"{what}: of one run no difference can be tested, so these numbers say no more than themselves."
-        )
-    if courses < 2:
-        return f"{what}; a difference is what a paired test finds over the seeds of the one course."
-    few = ", which finds only large ones in so few" if courses < FEW else ""
-    return f"{what}; a difference is what a paired test finds over the courses{few}."
+        return f"{what}: of one run no difference can be tested, these numbers speak for that run alone."
+    of = "courses" if courses > 1 else "seeds of the one course"
+    few = "; over so few it finds only large ones" if courses < FEW else ""
+    return f"{what}. Differences are those that a paired test finds over the {of}{few}."
 
 
 def _reference(measured: Measured) -> list[str]:
@@ -263,8 +262,7 @@ def _reference(measured: Measured) -> list[str]:
     if name is None:
         return ["There is no exact motion matching among them to hold the quality of others against."]
     facts = _costs(measured, name)
-    takes = f": {facts}" if facts else ""
-    return [f"The yardstick is motion matching with exact search, {name}{takes}."]
+    return [f"Motion matching with exact search, {name}, is the yardstick{f': {facts}' if facts else ''}."]
 
 
 def _rule(measured: Measured) -> str:
@@ -293,10 +291,12 @@ def _budgets(measured: Measured) -> list[str]:
     if not front:
         return []
     facts = _costs(measured, front[0], beside=True)
-    out = [f"The smallest that {what} is {front[0]}: {facts}{_doubt(measured, front[0])}."]
+    out = [f"The smallest that {what} is {front[0]}: {facts}."]
+    if measured.doubted(front[0]):
+        out.append("It does on average; its intervals reach further.")
     steps = [
         f"with {_number(measured.of(name, MEMORY))} MB {name} is faster, {_number(measured.cost(name))} µs"
-        f"{_doubt(measured, name)}"
+        f"{' (it keeps the quality on average)' if measured.doubted(name) else ''}"
         for name in front[1:]
     ]
     if steps:
@@ -304,10 +304,6 @@ def _budgets(measured: Measured) -> list[str]:
     elif len(measured.keeps) > 1 and math.isfinite(measured.cost(front[0])):
         out.append("More memory buys no frame that is shown to be faster.")
     return out
-
-
-def _doubt(measured: Measured, name: str) -> str:
-    return " (on average; its intervals reach further)" if measured.doubted(name) else ""
 
 
 def _beyond(measured: Measured) -> list[str]:

@@ -5,12 +5,16 @@ from __future__ import annotations
 import os
 from collections.abc import Generator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import hypothesis
 import pytest
 import synthetic
 
 from motion.clip import Clip
+
+if TYPE_CHECKING:
+    from mm.database import Database
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 REQUIRE_DATA = os.environ.get("REQUIRE_DATA") == "1"
@@ -67,3 +71,21 @@ def walker_files(walker_clips: list[Clip], tmp_path_factory: pytest.TempPathFact
     for clip in walker_clips:
         bvh.write(folder / f"{clip.name}.bvh", clip)
     return folder
+
+
+@pytest.fixture(scope="session")
+def walker_mmdb(walker_files: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The database of those five, with mirrored copies, as a file. It is shared: write nothing beside it."""
+    from mm.build import build
+
+    path = tmp_path_factory.mktemp("walker_mmdb") / "walker.mmdb"
+    build([walker_files], jobs=1).save(path)
+    return path
+
+
+@pytest.fixture(scope="session")
+def walker_database(walker_mmdb: Path) -> Database:
+    """That database, whose arrays cannot be written to."""
+    from mm.database import Database
+
+    return Database.load(walker_mmdb)

@@ -12,6 +12,7 @@ from bench import comparison as comparing
 from bench import crowd, kept, systems, tables, timing
 from bench.comparison import compare
 from bench.runs import Run, Variant
+from features.terrain import Heightmap
 from mm import courses
 from mm.build import build
 from mm.controller import Controller
@@ -27,13 +28,12 @@ TURNS = Course(
     velocity=(VelocityKey(time=0.0, velocity=(0.0, 1.0)), VelocityKey(time=0.5, velocity=(1.0, 0.0))),
     seconds=1.0,
 )
+HILLS = Heightmap(0.1 * np.random.default_rng(0).random((40, 40), np.float32))
 
 
 @pytest.fixture(scope="module")
-def database(walker_files, tmp_path_factory):
-    database = build([walker_files], jobs=1)
-    database.save(tmp_path_factory.mktemp("kept") / "walker.mmdb")
-    return database
+def database(walker_database):
+    return walker_database
 
 
 class Counted:
@@ -83,13 +83,15 @@ OTHERS = {
     "timed": (lambda m: None, {}, {"timed_seconds": 0.05}),
     "course": (lambda m: None, {}, {"courses": [replace(c, size=2.0) for c in (TURNS, STRAIGHT)]}),
     "code": (lambda m: m.setattr(kept, "code", lambda: "another"), {}, {}),
+    "ground": (lambda m: None, {}, {"ground": HILLS}),
+    "ground elsewhere": (lambda m: None, {}, {"ground": replace(HILLS, origin=(1.0, 0.0))}),
     "machine": (lambda m: m.setattr(timing, "machine", lambda: {"processor": "another"}), {}, {}),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("what", OTHERS)
 def test_results_of_anything_else_are_not_taken(what, database, tmp_path, monkeypatch):
-    run(database, tmp_path, Counted())
+    run(database, tmp_path, Counted(), ground=HILLS if what == "ground elsewhere" else None)
     change, of, options = OTHERS[what]
     change(monkeypatch)
     other = Counted(**of)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import json
 from dataclasses import replace
+from types import FunctionType, ModuleType
 
 import linear_models
 import numpy as np
@@ -13,8 +15,10 @@ import pfnn_models
 import pytest
 from click.testing import CliRunner
 
+from bench import systems
 from bench.cli import main
 from bench.memory import allocations, measure, page, pareto, published, resident, stored
+from lmm.locomotion.model import LocomotionModel
 from lmm.model import Model
 from mm.build import build
 from mm.codecs import compressed
@@ -117,8 +121,6 @@ def test_allocations_are_counted():
 
 def test_no_system_keeps_what_a_step_allocates(folder, database):
     """Frames make temporaries of a few kilobytes, of no more for more frames, and all of them are freed."""
-    from bench import systems
-
     paths = [str(folder / name) for name in ("walker.lmm", "walker.pfnn")]
     chosen = systems.choose(
         ["mm-exact", f"mm-coded-{CODEC}", "lmm-PSD", "lmm-D", "pfnn-cubic"], models=systems.load_models(paths)
@@ -128,6 +130,42 @@ def test_no_system_keeps_what_a_step_allocates(folder, database):
         found = allocations.of_steps(entry.make(database, 4), allocations.wander(4))
         assert found.kept_bytes < 20_000, entry.name
         assert found.frame_bytes < 50_000, entry.name
+
+
+def held(system):
+    """Bytes of all arrays that can be reached from a system, each byte once; of a network of locomotion but
+    for the model that it was made from, whose weights stay where they were read."""
+    stack, seen, spans = [system], set(), []
+    ours = ("bench", "mm", "lmm", "features", "motion", "builtins", "functools", "numpy", "collections")
+    while stack:
+        one = stack.pop()
+        if id(one) in seen or isinstance(one, (type, ModuleType, FunctionType, LocomotionModel)):
+            continue
+        seen.add(id(one))
+        if isinstance(one, np.ndarray):  # and not its base, which may be all of a file
+            low = one.__array_interface__["data"][0]
+            last = sum((n - 1) * step for n, step in zip(one.shape, one.strides, strict=True))
+            spans += [(low, low + last + one.itemsize)] * bool(one.size)
+        elif type(one).__module__.partition(".")[0] in ours:
+            stack += gc.get_referents(one)
+    total = end = 0
+    for low, high in sorted(spans):
+        total, end = total + max(0, high - max(low, end)), max(end, high)
+    return total
+
+
+@pytest.mark.parametrize(
+    "name", ["mm-exact", "mm-aabb", f"mm-exact-{CODEC}", f"mm-coded-{CODEC}", "lmm-D", "lmm-PSD", "pfnn"]
+)
+def test_what_systems_say_that_they_hold_is_what_they_hold(name, folder, database):
+    """But for room to work in, which is the same however much data there is."""
+    paths = [str(folder / name) for name in ("walker.lmm", "walker.pfnn")]
+    for entry in systems.choose([name], models=systems.load_models(paths)):
+        system = entry.make(database, 1)
+        for command in allocations.wander(1, frames=20):
+            system.step(command)
+        told, found = sum(system.memory().values()), held(system)
+        assert 0.999 * told <= found <= 1.01 * told + 600_000, entry.name
 
 
 @pytest.mark.skipif(not resident.known_here(), reason="no /proc/self/clear_refs")

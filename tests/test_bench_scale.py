@@ -21,8 +21,8 @@ from motion.errors import UserError
 
 
 @pytest.fixture(scope="module")
-def database(walker_files):
-    return build.build([walker_files], jobs=1)
+def database(walker_database):
+    return walker_database
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +40,8 @@ def test_a_power_is_found_again():
     x = np.array([1, 2, 5, 10, 60.0])
     fit = fits.power(x, 3 * x**0.7)
     assert (fit.exponent, fit.error, fit.at_one) == pytest.approx((0.7, 0, 3), abs=1e-9)
-    assert fit.at([100.0]) == pytest.approx([3 * 100**0.7]) and fit.points == 5
+    assert fit.half == pytest.approx(0, abs=1e-9) and fit.points == 5
+    assert fit.at([100.0]) == pytest.approx([3 * 100**0.7])
 
 
 def test_the_error_of_an_exponent_is_how_much_it_scatters():
@@ -50,12 +51,14 @@ def test_the_error_of_an_exponent_is_how_much_it_scatters():
     slopes, errors = (np.array([getattr(f, name) for f in drawn]) for name in ("exponent", "error"))
     assert slopes.mean() == pytest.approx(0.5, abs=0.01)
     assert np.sqrt((errors**2).mean()) == pytest.approx(slopes.std(), rel=0.06)
+    within = [abs(fit.exponent - 0.5) <= fit.half for fit in drawn]
+    assert 0.94 < np.mean(within) < 0.96
 
 
 def test_what_cannot_be_fitted():
     assert np.isnan(fits.power([1.0, 1.0], [2.0, 3.0]).exponent)
     two = fits.power([1.0, 4.0], [1.0, 2.0])
-    assert two.exponent == pytest.approx(0.5) and np.isnan(two.error)
+    assert two.exponent == pytest.approx(0.5) and np.isnan([two.error, two.half]).all()
     assert fits.power([1, 2, 4, 8], [1, 0, np.nan, 8]).exponent == pytest.approx(1)
 
 
@@ -81,6 +84,10 @@ def test_all_of_the_data_is_the_longest_and_what_is_held_out(taken, database):
         if name in taken.held_out
     )
     assert len(whole) + held == len(database) and held >= 0.1 * len(database)
+    # Other poses of the same features are other data, whether a file holds them or not.
+    unsaved = replace(database, fingerprint="")
+    other = replace(unsaved, contacts=np.zeros_like(database.contacts))
+    assert lengths.Taken(unsaved).facts() == lengths.Taken(unsaved).facts() != lengths.Taken(other).facts()
     other = lengths.Taken(database, seed=2).of(0.05)
     assert other.names != taken.of(0.05).names  # another seed, another order
     assert lengths.Taken(database, held_out={"run"}).held_out == {"run"}

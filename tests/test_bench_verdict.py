@@ -131,7 +131,8 @@ def test_a_difference_in_noise_is_not_called_one():
     slight = {"skate_cm_s": odd("star", 16.0, 10.0)}
     text = sentences(measured({"mm-exact": MM, "lmm-PSD": (2.0, 150.0, slight)}))
     assert (
-        "lmm-PSD: 2 MB (50 times less) and 1" in text and "(on average; its intervals reach further)." in text
+        "lmm-PSD: 2 MB (50 times less) and 1" in text
+        and "It does on average; its intervals reach further." in text
     )
 
 

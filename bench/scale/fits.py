@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.special import stdtrit
+
+from bench.intervals import LEVEL
 
 
 @dataclass(frozen=True)
@@ -14,12 +17,14 @@ class Fit:
 
     Attributes
     ----------
-    exponent : 0 does not grow, 1 grows as the data does. error : its standard error; NaN of two points.
+    exponent : 0 does not grow, 1 grows as the data does. error : its standard error, half : half the width of
+    its 95 % interval, by Student's t of N - 2 degrees of freedom; NaN of two points.
     at_one : y at x = 1. points : how many were fitted; with less than two there is no fit: NaN.
     """
 
     exponent: float
     error: float
+    half: float
     at_one: float
     points: int
 
@@ -38,9 +43,12 @@ def power(x: ArrayLike, y: ArrayLike) -> Fit:
     along, rise = (np.log(values[known]) for values in given)
     count = len(along)
     if len(np.unique(along)) < 2:
-        return Fit(np.nan, np.nan, np.nan, count)
+        return Fit(np.nan, np.nan, np.nan, np.nan, count)
     across = along - along.mean()
     slope = float((across * rise).sum() / (across**2).sum())
     rest = rise - rise.mean() - slope * across
-    spread = float((rest**2).sum() / (count - 2) / (across**2).sum()) if count > 2 else np.nan
-    return Fit(slope, float(np.sqrt(spread)), float(np.exp(rise.mean() - slope * along.mean())), count)
+    at_one = float(np.exp(rise.mean() - slope * along.mean()))
+    if count < 3:
+        return Fit(slope, np.nan, np.nan, at_one, count)
+    error = float(np.sqrt((rest**2).sum() / (count - 2) / (across**2).sum()))
+    return Fit(slope, error, error * float(stdtrit(count - 2, (1 + LEVEL) / 2)), at_one, count)

@@ -144,7 +144,7 @@ class Taken:
 
     def facts(self) -> dict[str, Any]:
         return {
-            "database": self.database.fingerprint or files.fingerprint({"f": self.database.features}, {}),
+            "database": self.database.fingerprint or _content(self.database),
             "seed": self.seed,
             "held_out": sorted(self.held_out),
         }
@@ -176,6 +176,12 @@ class Taken:
 
     def speeds(self) -> tuple[float, float]:
         return speeds.of_database(self.database)
+
+
+def _content(database: Database) -> str:
+    """The fingerprint of a database that no file holds."""
+    arrays = {name: getattr(database, name) for name in ("features", "contacts", "starts", "stops", "tags")}
+    return files.fingerprint(database.poses.arrays() | arrays, {"names": database.names, "fps": database.fps})
 
 
 def _part(database: Database, pieces: list[tuple[int, int, int]]) -> Database:

@@ -91,7 +91,8 @@ class Scale:
         memory_mb is that of the features and the index, 10^6 bytes.
     systems : a row a length, of motion matching by exact search; see `of_length`.
     models : a row a system of a model, whose memory is that at any length; errors at its own minutes alone.
-    fits : a row an index or system and quantity: exponent and its standard error (`bench.scale.fits`).
+    fits : a row an index or system and quantity: exponent, its standard error, and ci95, half the width of
+        its 95 % interval (`bench.scale.fits`).
     data : what the lengths are of. plan : what was measured. notes : what a reader must know.
     """
 
@@ -253,7 +254,7 @@ def of_models(
 
 
 def fitted(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """A row an index or system and quantity: exponent, standard error, the fit at an hour, and points."""
+    """A row an index or system and quantity: exponent, how sure it is, the fit at an hour, and points."""
     rows = []
     for table, column, title, unit in QUANTITIES:
         found = tables[table]
@@ -268,6 +269,7 @@ def fitted(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
                     "of": name,
                     "exponent": fit.exponent,
                     "standard_error": fit.error,
+                    "ci95": fit.half,
                     "at_an_hour": float(fit.at(60.0)),
                     "points": fit.points,
                     "table": table,
@@ -280,7 +282,7 @@ def fitted(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
 def _notes(systems: pd.DataFrame, unseen: bool) -> list[str]:
     notes = []
     if len(systems) < 3:
-        notes.append("exponents of less than three lengths have no standard error")
+        notes.append("exponents of less than three lengths have no interval")
     if not unseen:
         notes.append("no clip could be spared to tell how far unseen poses are")
     return notes

@@ -70,14 +70,14 @@ def to_json(found: Scale, *, command: str) -> dict[str, Any]:
 
 
 def exponents(found: Scale) -> list[dict[str, Any]]:
-    """A row an index or system, a column a quantity: the exponent and its standard error."""
+    """A row an index or system, a column a quantity: the exponent and half of its 95 % interval."""
     rows: dict[str, dict[str, Any]] = {}
     quantities = list(dict.fromkeys(found.fits["quantity"]))
     for fit in found.fits.to_dict("records"):
         row = rows.setdefault(fit["of"], {"of": fit["of"]} | dict.fromkeys(quantities))
         if math.isfinite(fit["exponent"]):
-            error = f" ± {fit['standard_error']:.2f}" if math.isfinite(fit["standard_error"]) else ""
-            row[fit["quantity"]] = f"{fit['exponent']:.2f}{error}"
+            half = f" ± {fit['ci95']:.2f}" if math.isfinite(fit["ci95"]) else ""
+            row[fit["quantity"]] = f"{fit['exponent']:.2f}{half}"
     return list(rows.values())
 
 
