@@ -20,7 +20,7 @@ from mm.database import Database
 from mm.driving import Clock
 from motion import console
 
-SECONDS = 5.0
+SECONDS, REPEATS = 5.0, 3
 SHIPS = pretrained.names()[0]
 
 
@@ -45,10 +45,9 @@ def costs(
 ) -> list[dict[str, Any]]:
     """A row a way to run a network, one character under random commands, and one of `SHIPS` under the same.
 
-    operations; frame_us and network_us, medians of a whole step and of the network's share of it; mean_us,
-    of a step, of the seconds' means the median, since learned motion matching searches in some frames only;
-    of_lmm, mean_us by that of `SHIPS`; memory_mb, all that the system holds; ns_per_operation, network_us by
-    operations.
+    operations; frame_us and mean_us of a step, of each the fastest of some runs: median, and mean, since
+    learned motion matching searches in some frames only; of_lmm, mean_us by that of `SHIPS`; network_us, the
+    network's share of a step, median; ns_per_operation, it by operations; memory_mb, all that is held.
     """
     counted, course = of_model(model), queries.random_user(database, seconds, seed=seed)
     rows = []
@@ -68,12 +67,12 @@ def costs(
 
 def _measured(system: Any, course: Course, seconds: float) -> dict[str, Any]:
     """What any system costs."""
-    steps = 1e6 * _record(system, course, seconds).step_seconds
-    parts = np.array_split(steps, max(1, len(steps) // round(system.fps)))
+    runs = [_record(system, course, seconds).step_seconds for _ in range(REPEATS)]
+    steps = 1e6 * np.min(runs, axis=0)  # every time the same is done, and other things that the machine does
     return {
         "system": system.name,
         "frame_us": float(np.median(steps)),
-        "mean_us": float(np.median([part.mean() for part in parts])),
+        "mean_us": float(steps.mean()),
         "memory_mb": sum(system.memory().values()) / 1e6,
     }
 
