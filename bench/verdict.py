@@ -31,7 +31,8 @@ class Metric(NamedTuple):
     """A column where less is better, in words, its unit, and how much more of it nobody sees.
 
     of_all : whether every system has it; who lacks it is not known to be good. times : by which its numbers
-    are multiplied to be in its unit.
+    are multiplied to be in its unit. sampled : whether it is of runs; else it is of the system, and no run
+    can have another one.
     """
 
     column: str
@@ -40,6 +41,7 @@ class Metric(NamedTuple):
     slack: float
     of_all: bool = True
     times: float = 1.0
+    sampled: bool = True
 
 
 QUALITY = (
@@ -51,7 +53,7 @@ QUALITY = (
     Metric("unanswered_share", "commands left unanswered", "%", 0.1, times=100.0),
     Metric("jerk_m_s3", "jerk", "m/s³", 20.0),
     Metric("real_cm", "distance from real poses", "cm", 0.5),
-    Metric("pose_cm", "error of decoded poses", "cm", 1.0, of_all=False),
+    Metric("pose_cm", "error of decoded poses", "cm", 1.0, of_all=False, sampled=False),
 )
 BEST = ("skate_cm_s", "path_cm", "real_cm")  # of these it is told who has less than the reference
 
@@ -111,11 +113,22 @@ class Measured:
 
     @cached_property
     def differences(self) -> pd.DataFrame:
-        """Of all quality metrics and of the cost of a frame against the reference."""
-        columns = [m.column for m in self.metrics] + [COST] * (COST in self.runs)
+        """Of all quality metrics and of the cost of a frame against the reference.
+
+        What is of systems and not of runs needs no test: its rows have 0 units, and p is 0 or 1.
+        """
         if self.reference is None:
             return differences(self.runs, "", [], [])
-        return differences(self.runs, self.reference, columns, self.names)
+        columns = [m.column for m in self.metrics if m.sampled] + [COST] * (COST in self.runs)
+        tested = differences(self.runs, self.reference, columns, self.names)
+        rows = []
+        for column in (m.column for m in self.metrics if not m.sampled):
+            for name in (name for name in self.names if name != self.reference):
+                more = self.of(name, column) - self.of(self.reference, column)
+                facts = {"metric": column, "system": name, "reference": self.reference, "difference": more}
+                known = {"ci95": 0 * more, "units": 0, "p": float(more == 0) + 0 * more}
+                rows.append(facts | known | {"significant": abs(more) > 0, "same": more == 0})
+        return pd.concat([tested, pd.DataFrame(rows)], ignore_index=True) if rows else tested
 
     def of(self, system: str, column: str) -> float:
         """A number of a system's row in the summary; NaN where it has none."""

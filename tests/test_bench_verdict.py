@@ -153,6 +153,18 @@ def test_who_breaks_is_told_with_the_course_and_keeps_nothing(metrics, how):
     assert "Ahead of" not in found.paragraph and found.budgets == ("mm-exact",)
 
 
+def test_what_is_of_a_system_and_not_of_its_runs_is_not_tested():
+    """The error of decoded poses is the same in all runs: it is known, however few courses there are."""
+    decoded = {"mm-exact": 0.0, "lmm-D": 0.3, "mm-exact-float16": 0.0, "pfnn-cubic": math.nan}
+    systems = {n: (9.0, 9.0, {"pose_cm": lambda course, v=v: v}) for n, v in decoded.items()}
+    found = measured(systems)
+    few = replace(found, runs=found.runs[found.runs["course"].isin(COURSES[:2])])
+    lines = verdict.of(few).systems
+    assert "more error of decoded poses (+0.3 cm)" in lines["lmm-D"]
+    assert "the same error of decoded poses" in lines["mm-exact-float16"]
+    assert "decoded" not in lines["pfnn-cubic"] and not few.lost("pfnn-cubic")
+
+
 def test_of_many_that_fail_some_are_named():
     lost = {"stall_s": odd("strafe", 7.0, 0.1)}
     systems = {"mm-exact": MM} | {f"mann-{i}": (1.0, 5.0, lost) for i in range(8)}
