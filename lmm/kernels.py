@@ -13,6 +13,7 @@ from .lanes import (
     PANEL,
     SHORT,
     TALL,
+    ZERO,
     active_times_panels,
     panel_to_floats,
     round_to_pairs,
@@ -47,7 +48,7 @@ def evaluate(x, layers, weights, numbers, columns, elu, rows_between, panel, act
     for start in range(0, count, block):
         rows = min(block, count - start)
         _normalise(x, start, rows, numbers, inputs, work, width)
-        from_, to = 0, block * width
+        from_, to = ZERO, block * width
         for layer in range(last + 1):
             rectify = 1 if layer < last and not elu else 0
             if rows <= few:
@@ -81,7 +82,7 @@ def evaluate_pairs(tiles, split, x, layers, weights, numbers, columns, elu, rows
     for start in range(0, count, block):
         rows = min(block, count - start)
         _normalise(x, start, rows, numbers, layers[0, 0] if split else 2 * layers[0, 0], work, width)
-        from_, to = 0, block * width
+        from_, to = ZERO, block * width
         for layer in range(last + 1):
             rectify = 1 if layer < last and not elu else 0
             for n in range(rows):
@@ -157,7 +158,7 @@ def _one_row(layer, weights, numbers, x, rectify, active, values, y):
     """One row through one layer: only inputs that are not 0 count."""
     inputs, panels, first, scale = layer[0], layer[1], layer[2], numbers.ctypes.data + 4 * layer[3]
     bias = scale + 4 * panels * PANEL
-    count = 0
+    count = ZERO
     for i in range(inputs):
         active[count], values[count] = i, x[i]
         count += x[i] != 0
@@ -168,7 +169,7 @@ def _one_row(layer, weights, numbers, x, rectify, active, values, y):
 @_jit
 def listed_times_layer(weights, first, inputs, panels, listed, value, count, scale, bias, rectify, y):
     """`active_times_panels` of all panels of a layer, which begins at number first of weights."""
-    p = 0
+    p = ZERO
     while p < panels:
         at, stride = panel_at(first, inputs, panels, p)
         place = 4 * p * PANEL
@@ -207,7 +208,7 @@ def _many_rows(layer, weights, numbers, work, from_, rows, width, rectify, float
         at, stride = panel_at(first, inputs, panels, p)
         panel = weights.ctypes.data + 4 * at
         if weights.itemsize < 4 or rows > MANY:
-            panel = floats.ctypes.data
+            panel = ZERO + floats.ctypes.data
             panel_to_floats(weights, at, stride, inputs, panel)
             stride = PANEL
         place = 4 * p * PANEL

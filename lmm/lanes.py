@@ -17,6 +17,7 @@ import platform
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 from llvmlite import binding, ir
 from numba import extending, types
 from numba.core import cgutils
@@ -25,6 +26,8 @@ from numba.core import config as numba_config
 LANES = 16
 PANEL = 2 * LANES
 GROUP = 8  # panels whose sums 16 registers hold
+# Kernels are compiled once more for a literal 0 among their arguments; for this one they are not.
+ZERO: Any = np.int64(0)
 
 intrinsic: Any = extending.intrinsic  # its type says that calls take the context too
 config: Any = numba_config  # whose settings come from the environment

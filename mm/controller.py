@@ -104,7 +104,6 @@ class Controller:
         self._past_frames = -layout.times[past] * self.fps
         self._present_slots = np.flatnonzero(layout.times == 0)
         self._normalisation = (stages.plain(description.offset), stages.plain(description.scale))
-        self._parents = stages.plain(self.skeleton.parents)
 
         self._crouch_tag = np.uint32(description.crouch_tag)
         self._required, self._forbidden = np.zeros((2, count), np.uint32)
@@ -247,8 +246,8 @@ class Controller:
         if self._legs is not None:
             legs = self._legs
             self._lock_feet(
-                self._feet, self._contacts, settings, self._parents, legs.needed, legs.joints, legs.points,
-                legs.hinges, legs.heights, shown.positions, self._rotations,
+                self._feet, self._contacts, settings, self.skeleton.parents, legs.needed, legs.joints,
+                legs.points, legs.hinges, legs.heights, shown.positions, self._rotations,
             )  # fmt: skip
         self._lap("foot lock")
         return self._pose

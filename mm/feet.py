@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motion import contacts, kinematics, quat
 from motion.errors import UserError
+from motion.plain import plain
 from motion.skeleton import Skeleton
 
 from .database import Database
@@ -42,6 +43,10 @@ class Legs:
     hinges: NDArray[np.float32]
     heights: NDArray[np.float32]
     needed: NDArray[np.int64]
+
+    def __post_init__(self) -> None:
+        for part in fields(self):
+            setattr(self, part.name, plain(getattr(self, part.name)))
 
 
 def joints_of_legs(skeleton: Skeleton, roles: Sequence[str]) -> NDArray[np.int64]:

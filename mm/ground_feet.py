@@ -53,7 +53,7 @@ class GroundFeet:
         self.ground, self.follow, self.halflife, self.dt = ground, follow, halflife, 1 / fps
         self._kernels: Any = ground_kernels if compiled else ground_kernels_numpy
         self._legs = legs
-        self._parents = np.ascontiguousarray(skeleton.parents, np.int64)
+        self._parents = skeleton.parents
         self._under_root = np.flatnonzero(self._parents == 0)
         joints, feet = len(skeleton), len(legs.joints)
         self._levels = np.zeros((count, 1 + 3 * feet), ground_kernels.LEVEL)

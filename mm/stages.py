@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from features.schema import Schema
+from motion.plain import plain
 from motion.pose import Poses
 
 from . import kernels, search
@@ -292,13 +293,6 @@ class GatherDecompression:
             "contacts": self._contacts.nbytes,
             "root motion": self.root_steps.nbytes,
         }
-
-
-def plain(array: NDArray) -> NDArray:
-    """A read-only contiguous view without memmap's subclass: one type for the kernels, mapped or not."""
-    view = np.ascontiguousarray(np.asarray(array)).view()
-    view.flags.writeable = False
-    return view
 
 
 def root_steps(database: Database) -> NDArray[np.float32]:

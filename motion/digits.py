@@ -284,7 +284,7 @@ def _shortest(value, guess):
 def _write(values, begin, decimals, columns, buffer):
     """Print values[begin:] into buffer until it is full or one needs Python: index reached, bytes written."""
     at = 0
-    guess = 6
+    guess = np.int64(6)
     digits = np.empty(24, np.uint8)
     for index in range(begin, len(values)):
         if at + 34 > len(buffer):
@@ -298,7 +298,7 @@ def _write(values, begin, decimals, columns, buffer):
             places, m = _shortest(size, guess)
             if places < 0:
                 return index, at
-            guess = max(places, 1)
+            guess = np.int64(max(places, 1))
         else:
             if not size * _POWERS[places] < 9e17:
                 return index, at

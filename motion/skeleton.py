@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import UserError
+from .plain import plain
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -31,7 +32,7 @@ class Skeleton:
     end_sites: Mapping[int, NDArray[np.float64]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        parents = np.ascontiguousarray(self.parents, np.int32)
+        parents = plain(np.asarray(self.parents, np.int32))
         offsets = np.ascontiguousarray(self.offsets, np.float64)
         object.__setattr__(self, "names", tuple(self.names))
         object.__setattr__(self, "parents", parents)

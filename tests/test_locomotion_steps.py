@@ -195,7 +195,7 @@ def call(controller: LocomotionController, name: str) -> None:
         c._stand(c.characters, c._points[..., 0].copy(), c._x)
     elif name == "show":
         kernels.show(
-            c.characters, y, c._out, c._settings, c._parents, c._offsets, c.settings.stretch,
+            c.characters, y, c._out, c._settings, c.skeleton.parents, c._offsets, c.settings.stretch,
             c._contact_columns, *c._fed, *shown.arrays().values(), c._contacts, c._turned,
         )  # fmt: skip
     else:

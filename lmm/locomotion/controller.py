@@ -17,6 +17,7 @@ from mm import settings as mm_settings
 from mm.control import Command
 from motion import foot_lock, foot_lock_numpy, springs
 from motion.errors import NotFinite, UserError
+from motion.plain import plain
 from motion.pose import Poses
 
 from ..evaluator import Products
@@ -86,7 +87,6 @@ class LocomotionController:
             np.array([columns.start for columns in blocks], np.int64)
             for blocks in (inputs, layout.outputs.values())
         )
-        self._parents = np.ascontiguousarray(self.skeleton.parents, np.int64)
         self._offsets = self.skeleton.offsets.astype(np.float32)
 
         joints, feet = len(self.skeleton), description.contact_roles
@@ -128,9 +128,11 @@ class LocomotionController:
         locks = settings.foot_lock and bool(self.model.contacts)
         self._legs = description.feet(settings.foot_height) if locks else None
         if self._legs is not None:
-            self._lock_heights = self._legs.heights.copy()
+            self._lock_heights = self._legs.heights
             if self._ground is not None:
-                self._lock_heights[:] = -ANY_HEIGHT, ANY_HEIGHT
+                anywhere = np.empty_like(self._lock_heights)
+                anywhere[:] = -ANY_HEIGHT, ANY_HEIGHT
+                self._lock_heights = plain(anywhere)
         self.settings = settings
         self._settings = settings_types.record(
             settings, self.fps, walk_mps=description.walk_mps, run_mps=description.run_mps
@@ -171,9 +173,9 @@ class LocomotionController:
         self._lap("network")
         shown = self._shown
         kernels.show(
-            characters, y, self._out, self._settings, self._parents, self._offsets, self.settings.stretch,
-            self._contact_columns, *fed, shown.positions[who], shown.rotations[who], shown.velocities[who],
-            shown.angular_velocities[who], self._contacts[who], self._turned,
+            characters, y, self._out, self._settings, self.skeleton.parents, self._offsets,
+            self.settings.stretch, self._contact_columns, *fed, shown.positions[who], shown.rotations[who],
+            shown.velocities[who], shown.angular_velocities[who], self._contacts[who], self._turned,
         )  # fmt: skip
         self._head = (self._head + 1) % past.shape[1]
         kernels.advance(characters, past, self._head, y, self._out, self._settings, self._obstacles)
@@ -264,8 +266,8 @@ class LocomotionController:
         if self._legs is not None:
             legs = self._legs
             self._lock_feet(
-                self._feet, self._contacts, self._lock_settings, self._parents, legs.needed, legs.joints,
-                legs.points, legs.hinges, self._lock_heights, shown.positions, self._rotations,
+                self._feet, self._contacts, self._lock_settings, self.skeleton.parents, legs.needed,
+                legs.joints, legs.points, legs.hinges, self._lock_heights, shown.positions, self._rotations,
             )  # fmt: skip
         self._lap("foot lock")
         return self._pose

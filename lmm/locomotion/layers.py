@@ -11,7 +11,7 @@ import numba
 import numpy as np
 
 from ..kernels import all_times_pairs, all_times_panel, elu_of, listed_times_layer, panel_at
-from ..lanes import PANEL, TALL, panel_to_floats, round_to_pairs
+from ..lanes import PANEL, TALL, ZERO, panel_to_floats, round_to_pairs
 from ..tiles import close_tiles, open_tiles
 
 _jit = numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -131,7 +131,7 @@ def _one_row(layer, weights, numbers, sets, used, s, wide, active, values, y):
     depth, panels, first = layer[4], layer[1], layer[2]
     scale = numbers.ctypes.data + 4 * layer[3]
     bias = scale + 4 * panels * PANEL
-    count = 0
+    count = ZERO
     for u in range(used):
         begin = (s + u) % sets * depth
         for i in range(depth):
@@ -139,7 +139,7 @@ def _one_row(layer, weights, numbers, sets, used, s, wide, active, values, y):
             active[count], values[count] = begin + i, value
             count += value != 0
     listed, value, to = active.ctypes.data, values.ctypes.data, y.ctypes.data
-    listed_times_layer(weights, first, sets * depth, panels, listed, value, count, scale, bias, 0, to)
+    listed_times_layer(weights, first, sets * depth, panels, listed, value, count, scale, bias, ZERO, to)
 
 
 @_jit
@@ -147,20 +147,20 @@ def _many_rows(layer, weights, numbers, sets, used, s, wide, rows, floats, y):
     """Rows through one layer, panel by panel; rows beyond, up to a multiple of SHORT, are computed too."""
     depth, panels, first = layer[4], layer[1], layer[2]
     scale = numbers.ctypes.data + 4 * layer[3]
-    bias = scale + 4 * panels * PANEL
+    bias, x, to = scale + 4 * panels * PANEL, ZERO + wide.ctypes.data, ZERO + y.ctypes.data
     for p in range(panels):
         at, stride = panel_at(first, sets * depth, panels, p)
         if weights.itemsize == 4 and rows <= MANY and s + used <= sets:
             panel, step = weights.ctypes.data + 4 * (at + s * depth * stride), stride
         else:
-            panel, step = floats.ctypes.data, PANEL
+            panel, step = ZERO + floats.ctypes.data, PANEL
             for u in range(used):
                 begin = (s + u) % sets * depth
                 panel_to_floats(weights, at + begin * stride, stride, depth, panel + 4 * u * depth * PANEL)
         place = 4 * p * PANEL
         all_times_panel(
-            rows, wide.ctypes.data, wide.shape[1], panel, step, used * depth, scale + place, bias + place, 0,
-            y.ctypes.data + place, y.shape[1],
+            rows, x, wide.shape[1], panel, step, used * depth, scale + place, bias + place, ZERO, to + place,
+            y.shape[1],
         )  # fmt: skip
 
 
@@ -169,17 +169,17 @@ def _many_rows_of_pairs(layer, weights, numbers, sets, used, s, wide, rows, copi
     """As `_many_rows`, of pairs; rows beyond go up to a multiple of TILE where there are tiles."""
     depth, panels, first = layer[4], layer[1], layer[2]
     scale = numbers.ctypes.data + 4 * layer[3]
-    bias = scale + 4 * panels * PANEL
+    bias, x, to = scale + 4 * panels * PANEL, ZERO + wide.ctypes.data, ZERO + y.ctypes.data
     for p in range(panels):
         at, stride = panel_at(first, sets * depth, panels, p)
         panel, step = weights.ctypes.data + 4 * (at + s * depth * stride), stride
         if s + used > sets:
-            panel, step = copied.ctypes.data, PANEL
+            panel, step = ZERO + copied.ctypes.data, PANEL
             for i in range(used * depth):
                 row = at + (s * depth + i) % (sets * depth) * stride
                 copied[i * PANEL : (i + 1) * PANEL] = weights[row : row + PANEL]
         place = 4 * p * PANEL
         all_times_pairs(
-            tiles, rows, wide.ctypes.data, wide.shape[1], panel, step, used * depth, scale + place,
-            bias + place, 0, y.ctypes.data + place, y.shape[1],
+            tiles, rows, x, wide.shape[1], panel, step, used * depth, scale + place, bias + place, ZERO,
+            to + place, y.shape[1],
         )  # fmt: skip

@@ -209,12 +209,15 @@ def _recompute(frame, tables, positions, rotations, velocities, angular, spare_p
 
 
 @_jit
-def _root(frame, c, tables):
-    if len(tables.root):
-        return tables.root[frame, c]
-    if len(tables.half_root):
-        return half(tables.half_root[frame, c])
-    return tables.root_scale[c] * np.float32(tables.coded_root[frame, c])
+def _root(frame, tables, root):
+    """Write the root's motion in a frame to root [6]."""
+    for c in range(6):
+        if len(tables.root):
+            root[c] = tables.root[frame, c]
+        elif len(tables.half_root):
+            root[c] = half(tables.half_root[frame, c])
+        else:
+            root[c] = tables.root_scale[c] * np.float32(tables.coded_root[frame, c])
 
 
 @_jit
@@ -224,6 +227,7 @@ def decode(frames, tables, spare_positions, spare_rotations,
 
     Spare poses [SPARE, J] are written over.
     """
+    root = np.empty(6, np.float32)
     for n in range(len(frames)):
         frame = frames[n]
         if len(tables.rates) or len(tables.half_rates):
@@ -241,16 +245,13 @@ def decode(frames, tables, spare_positions, spare_rotations,
                 frame, tables, positions[n], rotations[n], velocities[n], angular[n],
                 spare_positions, spare_rotations,
             )  # fmt: skip
-        yaw = _root(frame, 2, tables)
-        positions[n, 0, 0], positions[n, 0, 1], positions[n, 0, 2] = (
-            _root(frame, 0, tables), 0, _root(frame, 1, tables)
-        )  # fmt: skip
-        rotations[n, 0, 0], rotations[n, 0, 1] = math.cos(yaw / 2), 0
-        rotations[n, 0, 2], rotations[n, 0, 3] = math.sin(yaw / 2), 0
-        velocities[n, 0, 0], velocities[n, 0, 1], velocities[n, 0, 2] = (
-            _root(frame, 3, tables), 0, _root(frame, 4, tables)
-        )  # fmt: skip
-        angular[n, 0, 0], angular[n, 0, 1], angular[n, 0, 2] = 0, _root(frame, 5, tables), 0
+        _root(frame, tables, root)
+        half_yaw = root[2] / 2
+        positions[n, 0, 0], positions[n, 0, 1], positions[n, 0, 2] = root[0], 0, root[1]
+        rotations[n, 0, 0], rotations[n, 0, 1] = math.cos(half_yaw), 0
+        rotations[n, 0, 2], rotations[n, 0, 3] = math.sin(half_yaw), 0
+        velocities[n, 0, 0], velocities[n, 0, 1], velocities[n, 0, 2] = root[3], 0, root[4]
+        angular[n, 0, 0], angular[n, 0, 1], angular[n, 0, 2] = 0, root[5], 0
         feet = contacts.shape[1]
         for c in range(feet):
             bit = np.int64(frame) * feet + c

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from motion import kinematics
 from motion.errors import UserError
+from motion.plain import plain
 from motion.quat_scalar import inv, mul, rotate
 
 from ..database import Database
@@ -34,8 +35,8 @@ def choose(database: Database, rows: Tables, error_cm: float) -> NDArray[np.int3
     truth = in_root_space(database)
     limit = error_cm / 100 - ROUNDING
     keep = np.zeros(len(database), np.bool_)
-    parents = np.ascontiguousarray(database.skeleton.parents)
-    worst = _select(rows, database.starts, database.stops, *truth, parents, limit * limit, keep)
+    ranges = plain(database.starts), plain(database.stops)
+    worst = _select(rows, *ranges, *truth, database.skeleton.parents, limit * limit, keep)
     if worst > limit * limit:
         raise UserError(
             f"key frames within {error_cm:g} cm: rounding alone is {100 * worst**0.5:.3g} cm off",

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from motion.errors import NotFinite, UserError
+from motion.plain import plain
 
 from .rows import sound
 
@@ -98,6 +99,8 @@ def check(
 ) -> Request:
     """Coerce the arguments of a search over features of a width; a UserError says what does not fit."""
     queries = np.ascontiguousarray(queries, np.float32)
+    if not queries.flags.writeable:  # rows of a database, say: kernels are compiled for a controller's own
+        queries = queries.copy()
     if queries.ndim == 1:
         queries = queries[None]
     if queries.ndim != 2 or queries.shape[1] != width:
@@ -133,11 +136,11 @@ def _column(name: str, values: ArrayLike | None, default: float, dtype: type, co
     if values is None:
         return _filled(count, default, dtype)
     if type(values) is np.ndarray and values.dtype.type is dtype and values.shape == (count,):
-        return values if values.flags.c_contiguous else np.ascontiguousarray(values)
+        return values if values.flags.carray else values.copy()
     array: NDArray = np.asarray(values, dtype)
     if array.shape not in ((), (1,), (count,)):
         raise UserError(f"{name} of shape {list(array.shape)}, expected [{count}]")
-    return np.ascontiguousarray(np.broadcast_to(array, count))
+    return np.array(np.broadcast_to(array, count))
 
 
 @functools.lru_cache(64)
@@ -177,7 +180,7 @@ def matrix(features: ArrayLike) -> NDArray[np.float32]:
             f"features hold {features[frame, column]} at frame {frame}, column {column}",
             remedy="build the database again from clips without broken frames",
         )
-    return _frozen(features)
+    return plain(features)
 
 
 def tag_bits(tags: ArrayLike | None, count: int) -> NDArray[np.uint32]:
@@ -185,11 +188,4 @@ def tag_bits(tags: ArrayLike | None, count: int) -> NDArray[np.uint32]:
     bits = np.zeros(count, np.uint32) if tags is None else np.ascontiguousarray(tags, np.uint32)
     if bits.shape != (count,):
         raise UserError(f"tags of shape {list(bits.shape)}, expected [{count}]")
-    return _frozen(bits)
-
-
-def _frozen(array: NDArray) -> NDArray:
-    """A read-only view: kernels are compiled for one kind of array, that of memory-mapped ones."""
-    view = array.view()
-    view.flags.writeable = False
-    return view
+    return plain(bits)
