@@ -224,10 +224,16 @@ def _checksum(header: bytes, blocks: Iterable[memoryview]) -> str:
 
     A hash of the hashes of fixed chunks, which threads compute: loading a database means hashing it.
     """
-    digest = hashlib.sha256(header)
-    with ThreadPoolExecutor(min(8, os.cpu_count() or 1)) as pool:
-        for found in pool.map(lambda chunk: hashlib.sha256(chunk).digest(), _chunks(blocks)):
-            digest.update(found)
+    digest, chunks = hashlib.sha256(header), [*_chunks(blocks)]
+
+    def of(chunk: memoryview) -> bytes:
+        return hashlib.sha256(chunk).digest()
+
+    if sum(chunk.nbytes for chunk in chunks) <= _CHUNK:  # hashed before threads have begun
+        digest.update(b"".join(map(of, chunks)))
+    else:
+        with ThreadPoolExecutor(min(8, os.cpu_count() or 1)) as pool:
+            digest.update(b"".join(pool.map(of, chunks)))
     return digest.hexdigest()[: len(_BLANK)]
 
 
