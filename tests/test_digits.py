@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import random
 
 import numpy as np
 import pytest
@@ -35,13 +36,35 @@ numerals = st.builds(
 )
 
 
-@settings(max_examples=1000, deadline=None)
+@settings(max_examples=200, deadline=None)
 @given(st.lists(numerals, min_size=1, max_size=20))
 def test_every_numeral_reads_as_float(tokens):
     tokens = [token for token in tokens if abs(float(token)) <= digits.LIMIT] or ["0"]
     table, fault = read(" ".join(tokens), len(tokens))
     assert fault is None
     assert same_bits(table[0], [float(token) for token in tokens])
+
+
+def test_thousands_of_numerals_read_as_float():
+    """As those above, but many, which are drawn faster."""
+    rng = random.Random(0)
+
+    def run(least: int) -> str:
+        return "".join(rng.choices("0123456789", k=rng.randint(least, 24)))
+
+    tokens = []
+    for _ in range(30_000):
+        whole, exponent = run(0), rng.choice(["", "", f"{rng.choice('eE')}{rng.randint(-330, 14)}"])
+        fraction = "." + run(1) if not whole or rng.random() < 0.5 else ""
+        token = rng.choice(["", "-", "+"]) + whole + fraction + exponent
+        if abs(float(token)) <= digits.LIMIT:
+            tokens.append(token)
+    assert len(tokens) > 10_000
+    table, fault = read(" ".join(tokens), len(tokens))
+    assert fault is None
+    expected = [float(token) for token in tokens]
+    wrong = [token for token, x, y in zip(tokens, table[0], expected, strict=True) if not same_bits(x, y)]
+    assert not wrong
 
 
 @pytest.mark.parametrize("style", ["{!r}", "{:.6g}", "{:.6f}", "{:.15g}", "{:.16g}", "{:.18e}", "{:.3e}"])
