@@ -171,7 +171,7 @@ def bench(*arguments, code=0):
 def test_models_of_all_kinds_from_the_command_line(folder, monkeypatch):
     monkeypatch.chdir(folder)
     asked = ("--model", "walk.pfnn", "--model", "other.pfnn", "--model", "walk.mann")
-    short = ("--courses", "still", "--seconds", "0.2", "--json")
+    short = ("--courses", "still", "--seconds", "0.2", "--repeats", "1", "--counts", "2", "--json")
     done = bench("compare", "walk.mmdb", *asked, "--systems", "pfnn-*-linear,mann", *short)
     rows = json.loads(done.stdout)["summary"][1:]
     assert [row["system"] for row in rows] == ["pfnn-walk-linear", "pfnn-other-linear", "mann-4"]

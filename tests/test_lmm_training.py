@@ -39,6 +39,15 @@ def settings(recipe: str = "ours", **changes: object):
     return replace(found, **(small | common | changes))
 
 
+def brief(**changes: object):
+    """A training that learns nothing, for what needs no more than that all stages were gone through."""
+    found = settings(**changes)
+    few = {"decompressor": 20, "stepper": 10, "projector": 10, "closed_loop": 12}
+    return replace(
+        found, **{k: replace(getattr(found, k), iterations=n, evaluate=n // 2) for k, n in few.items()}
+    )
+
+
 @pytest.fixture(scope="module")
 def database():
     return lmm_models.database()
@@ -47,6 +56,11 @@ def database():
 @pytest.fixture(scope="module")
 def trained(database, tmp_path_factory):
     return train(database, tmp_path_factory.mktemp("trained") / "walk.lmm", settings())
+
+
+@pytest.fixture(scope="module")
+def briefly(database, tmp_path_factory):
+    return train(database, tmp_path_factory.mktemp("briefly") / "walk.lmm", brief())
 
 
 def test_training_writes_a_model_that_knows_the_data(database, trained, tmp_path):
@@ -68,10 +82,10 @@ def test_training_writes_a_model_that_knows_the_data(database, trained, tmp_path
     assert errors["training"]["error_cm"] < 0.3 * of_the_mean  # it has learned more than the mean pose
 
 
-def test_the_same_seed_gives_the_same_model_and_another_another(database, trained, tmp_path):
-    again = train(database, tmp_path / "again.lmm", settings())
-    other = train(database, tmp_path / "other.lmm", settings(seed=1))
-    assert again.fingerprint == trained.fingerprint != other.fingerprint
+def test_the_same_seed_gives_the_same_model_and_another_another(database, briefly, tmp_path):
+    again = train(database, tmp_path / "again.lmm", brief())
+    other = train(database, tmp_path / "other.lmm", brief(seed=1))
+    assert again.fingerprint == briefly.fingerprint != other.fingerprint
     assert Model.load(tmp_path / "again.lmm").fingerprint == again.fingerprint
     assert sorted(path.name for path in tmp_path.iterdir()) == [
         "again.lmm", "again.lmm.jsonl", "other.lmm", "other.lmm.jsonl"
@@ -79,7 +93,7 @@ def test_the_same_seed_gives_the_same_model_and_another_another(database, traine
 
 
 @pytest.mark.parametrize("stage", ["stepper", "projector", "closed_loop", ""])
-def test_a_training_goes_on_at_any_stage_to_the_same_model(database, trained, tmp_path, monkeypatch, stage):
+def test_a_training_goes_on_at_any_stage_to_the_same_model(database, briefly, tmp_path, monkeypatch, stage):
     """Stages that are done are not begun again: those that follow must do without."""
     write = Checkpoint.save
 
@@ -90,10 +104,10 @@ def test_a_training_goes_on_at_any_stage_to_the_same_model(database, trained, tm
 
     monkeypatch.setattr(Checkpoint, "save", save)
     with pytest.raises(KeyboardInterrupt):
-        train(database, tmp_path / "walk.lmm", settings())
+        train(database, tmp_path / "walk.lmm", brief())
     monkeypatch.undo()
-    resumed = train(database, tmp_path / "walk.lmm", settings(), resume=True)
-    assert resumed.fingerprint == trained.fingerprint
+    resumed = train(database, tmp_path / "walk.lmm", brief(), resume=True)
+    assert resumed.fingerprint == briefly.fingerprint
 
 
 def test_the_published_recipe_trains_too(database, tmp_path):
