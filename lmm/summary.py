@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from typing import Any
 
 from mm.settings import Settings
@@ -12,6 +14,16 @@ from .controller import controller
 from .model import Model
 
 PARTS = {"training": "training", "held_out": "held out"}
+
+# What errors of stages (`Stage.evaluate`) are, for people who read a table of them.
+ERRORS = {
+    "error_cm": "joints off, cm",
+    "regret": "distance from the query / true neighbour's",
+    "latent": "latents off / their spread",
+    "ran_away": "share of queries left out, far off the data",
+}
+STAGES = ("decompressor", "stepper", "projector", "closed_loop")  # as they are trained
+AFTER_10 = ("stepper",)  # whose error_cm is that after ten frames
 
 
 def describe(model: Model, path: str) -> dict[str, Any]:
@@ -97,14 +109,35 @@ def show_origin(facts: dict[str, Any]) -> None:
 def show_errors(errors: dict[str, Any]) -> None:
     """Print a model's errors as a table, a column a part of the data."""
     rows: dict[str, dict[str, Any]] = {}
-    for keys, value in _flat(errors):
+    for keys, value in sorted(_flat(errors), key=_place):
         part = next((key for key in keys if key in PARTS), "all")
-        name = " ".join(key for key in keys if key != part).replace("_", " ")
+        name = _told([key for key in keys if key != part])
         rows.setdefault(name, {})[PARTS.get(part, part)] = value
     found = dict.fromkeys(column for row in rows.values() for column in row)
     columns = [c for c in PARTS.values() if c in found] + [c for c in found if c not in PARTS.values()]
     if rows:
         console.print_table([{"error": name, **dict.fromkeys(columns), **row} for name, row in rows.items()])
+
+
+def _place(found: tuple[Sequence[str], Any]) -> tuple[int, bool, int, str]:
+    """Order of errors: by stage, what is true of its own queries last, later frames after earlier ones."""
+    stage, name = found[0][0], found[0][-1]
+    frames = re.search(r"\d+", name)
+    rank = 0 if name == "error_cm" else int(frames[0]) if frames else 1000
+    return STAGES.index(stage) if stage in STAGES else len(STAGES), name.startswith("own_"), rank, name
+
+
+def _told(keys: Sequence[str]) -> str:
+    """Words for an error by the keys that lead to it: a stage and what is off."""
+    *stages, name = keys
+    own, plain = name.startswith("own_"), name.removeprefix("own_")
+    after = re.fullmatch(r"after_(\d+)_cm", plain)
+    if after or (plain == "error_cm" and stages and stages[0] in AFTER_10):
+        words = f"joints off after {after[1] if after else 10} frames, cm"
+    else:
+        words = ERRORS.get(plain, plain.replace("_", " "))
+    stage = " ".join(stages).replace("_", " ")
+    return f"{stage}{', on its own queries' * own}: {words}" if stage else words
 
 
 def _flat(values: dict[str, Any], keys: tuple[str, ...] = ()) -> list[tuple[tuple[str, ...], Any]]:

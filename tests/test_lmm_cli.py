@@ -109,6 +109,25 @@ def test_errors_stand_in_one_order_before_and_after_storing(capsys: pytest.Captu
         assert header.index("training") < header.index("held out")
 
 
+def test_errors_are_told_in_words_stage_by_stage(capsys: pytest.CaptureFixture[str]) -> None:
+    # As a stored model has them: sorted by name.
+    summary.show_errors(
+        {
+            "closed_loop": {"training": {"own_regret": 4.0}},
+            "decompressor": {"training": {"error_cm": 1.0}},
+            "stepper": {"training": {"after_20_cm": 3.0, "after_60_cm": 3.5, "error_cm": 2.0}},
+        }
+    )
+    told = [line.partition("│")[0].strip() for line in capsys.readouterr().out.splitlines()[2:]]
+    assert told == [
+        "decompressor: joints off, cm",
+        "stepper: joints off after 10 frames, cm",
+        "stepper: joints off after 20 frames, cm",
+        "stepper: joints off after 60 frames, cm",
+        "closed loop, on its own queries: distance from the query / true neighbour's",
+    ]
+
+
 def test_train_passes_its_options(db: Path, tmp_path: Path, calls: list[Call]) -> None:
     out, own = tmp_path / "walk.lmm", tmp_path / "own.toml"
     own.write_text("latent = 16\nseed = 3\nheld_out = 0.2\n[stepper]\nbatch = 7\n")

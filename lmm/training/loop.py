@@ -143,7 +143,7 @@ class _Trainer:
 
         self._stop.waits = True
         iterations, saved = stage.settings.iterations, time.monotonic()
-        label = f"{stage.name} ({place + 1} of {len(self._stages)})"
+        label = f"{stage.name.replace('_', ' ')} ({place + 1} of {len(self._stages)})"
         remaining = range(state.iteration, iterations)
         for _ in console.progress(remaining, label=label, first=state.iteration, note=state.told):
             begun = time.monotonic()
