@@ -11,7 +11,6 @@ from click.testing import CliRunner
 from bench import compare, pose_error, systems
 from bench.cli import main
 from bench.entry import as_stored
-from mm.build import build
 from mm.codecs import compressed, errors
 from motion.errors import UserError
 
@@ -19,8 +18,8 @@ BEST = "keyframes-0.5+quantised-11+features-8bit"
 
 
 @pytest.fixture(scope="module")
-def database(walker_files):
-    return build([walker_files], jobs=1)
+def database(walker_database):
+    return walker_database
 
 
 def test_codecs_come_by_name_by_pattern_or_asked(database):

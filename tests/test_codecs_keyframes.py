@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from mm.build import build
 from mm.codecs.compressed import compress
 from mm.database import Database
 from motion import kinematics, quat
@@ -17,8 +15,8 @@ from motion.pose import Poses
 
 
 @pytest.fixture(scope="module")
-def database(walker_files: Path) -> Database:
-    return build([walker_files], jobs=1)
+def database(walker_database: Database) -> Database:
+    return walker_database
 
 
 @pytest.mark.parametrize("name", ["keyframes-0.5", "keyframes-2+float16", "keyframes-1+quantised-11"])

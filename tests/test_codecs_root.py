@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from mm.build import build
 from mm.codecs import root
 from mm.database import Database
 from mm.stages import root_steps
@@ -15,8 +12,8 @@ from motion import springs
 
 
 @pytest.fixture(scope="module")
-def database(walker_files: Path) -> Database:
-    return build([walker_files], jobs=1)
+def database(walker_database: Database) -> Database:
+    return walker_database
 
 
 def off(database: Database, steps: np.ndarray) -> tuple[float, float]:

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from mm import nearness, quality
-from mm.build import build
 from mm.codecs.codec import parse
 from mm.codecs.compressed import compress
 from mm.codecs.stages import controller
@@ -28,8 +25,8 @@ CODECS = (
 
 
 @pytest.fixture(scope="module")
-def database(walker_files: Path) -> Database:
-    return build([walker_files], jobs=1)
+def database(walker_database: Database) -> Database:
+    return walker_database
 
 
 def drive(system: Controller, frames: int = 240) -> dict[str, np.ndarray]:

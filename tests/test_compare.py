@@ -15,7 +15,6 @@ from bench import plots, report, strips, systems, timing
 from bench.comparison import DATA, compare, memory_mb
 from features import terrain, terrain_made
 from mm import quality
-from mm.build import build
 from mm.controller import Controller
 from mm.course import Circle, Course, VelocityKey, Waypoint
 from mm.courses import load
@@ -57,8 +56,8 @@ class Obedient:
 
 
 @pytest.fixture(scope="module")
-def database(walker_files):
-    return build([walker_files], jobs=1)
+def database(walker_database):
+    return walker_database
 
 
 STRAIGHT = Course(

@@ -19,8 +19,8 @@ from motion.pose import Poses
 
 
 @pytest.fixture(scope="module")
-def database(walker_files):
-    return build([walker_files], jobs=1)
+def database(walker_database):
+    return walker_database
 
 
 def user(frame: int, count: int) -> Command:

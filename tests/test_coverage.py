@@ -10,7 +10,6 @@ from click.testing import CliRunner
 
 from bench import coverage
 from bench.cli import main
-from mm.build import build
 from mm.course import Course, VelocityKey, Waypoint
 
 
@@ -19,8 +18,8 @@ def script(*keys, seconds=10.0, name="script"):
 
 
 @pytest.fixture(scope="module")
-def database(walker_files):
-    return build([walker_files], jobs=1)
+def database(walker_database):
+    return walker_database
 
 
 def test_a_straight_way_asks_for_its_speed_and_no_turn():

@@ -13,7 +13,6 @@ from bench.data.duplicates import Twice
 from features import normalise
 from features.schema import Feature, Schema
 from mm import quality
-from mm.build import build
 from motion.pose import Poses
 
 SQUARED = Schema("squared", (Feature("hips", "velocity", role="hips"),))
@@ -32,8 +31,8 @@ def local(database, own):
 
 
 @pytest.fixture(scope="module")
-def database(walker_files):
-    return build([walker_files], jobs=1)
+def database(walker_database):
+    return walker_database
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,6 @@ from test_controller import drive, stack, user
 from test_retarget import stocky
 
 from mm import speeds, stages
-from mm.build import build
 from mm.controller import Controller
 from mm.description import Description
 from mm.feet import find_legs
@@ -22,8 +21,8 @@ from motion.errors import UserError
 
 
 @pytest.fixture(scope="module")
-def database(walker_files):
-    return build([walker_files], jobs=1)
+def database(walker_database):
+    return walker_database
 
 
 @pytest.fixture(scope="module")

@@ -13,8 +13,8 @@ from mm.settings import Settings
 
 
 @pytest.fixture(scope="module")
-def database(walker_files):
-    return build([walker_files], jobs=1)
+def database(walker_database):
+    return walker_database
 
 
 @pytest.fixture(scope="module")

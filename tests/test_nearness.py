@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from mm import quality
-from mm.build import build
 from mm.course import Course, VelocityKey
 from mm.driving import Again, Clock, Diverged, Replay
 from mm.nearness import RealPoses, difference
@@ -17,8 +16,8 @@ RNG = np.random.default_rng(0)
 
 
 @pytest.fixture(scope="module")
-def database(walker_files):
-    return build([walker_files], jobs=1)
+def database(walker_database):
+    return walker_database
 
 
 def test_the_difference_is_the_mean_distance_of_the_joints():

@@ -11,13 +11,12 @@ from click.testing import CliRunner
 
 from bench import queries, recall
 from bench.cli import main
-from mm.build import build
 from motion.errors import UserError
 
 
 @pytest.fixture(scope="module")
-def database(walker_files):
-    return build([walker_files], jobs=1)
+def database(walker_database):
+    return walker_database
 
 
 def test_table_sees_a_worse_index(database):

@@ -10,7 +10,6 @@ from click.testing import CliRunner
 from test_retarget import other_joints, slides, stocky
 
 from mm import courses
-from mm.build import build
 from mm.cli import main
 from mm.controller import Controller
 from mm.description import anatomy_of
@@ -22,8 +21,8 @@ from motion.clip import Clip
 
 
 @pytest.fixture(scope="module")
-def database(walker_files):
-    return build([walker_files], jobs=1)
+def database(walker_database):
+    return walker_database
 
 
 def quiet(steps, **_):

@@ -7,7 +7,6 @@ import pytest
 from test_retarget import stocky
 
 from features import terrain
-from mm.build import build
 from mm.control import Command
 from mm.controller import Controller
 from mm.grounded import Grounded
@@ -19,8 +18,8 @@ from motion.errors import UserError
 
 
 @pytest.fixture(scope="module")
-def database(walker_files):
-    return build([walker_files], jobs=1)
+def database(walker_database):
+    return walker_database
 
 
 WRAPPERS = {
