@@ -42,6 +42,7 @@ WORST = ("pop_cm", "path_max_cm", "stall_s")  # a row of several runs has the la
 DATA = "(the clips)"
 TABLES = ("summary", "courses", "runs", "differences", "crowd", "published")
 _SURE = re.compile(r"memory_|pose_|(?!frame_mean).*_us$")  # columns that have no interval
+BUSY = 0.5  # of a frame's mean, by which repeats differ where it is said that the machine was busy
 IN_CROWDS = ("PSD", "constant")  # ways of models that stand for all others where crowds are measured
 
 
@@ -199,6 +200,7 @@ def compare(
         if one.cost is not None:
             costs.setdefault(one.row["system"], []).append(one.cost)
     summary = _summary(runs, costs, quality.of_data(database, feet, on_ground=ground is not None))
+    notes += _busy(summary)
     there = set(runs["system"])
     crowded = crowds.of_entries(
         database,
@@ -345,6 +347,19 @@ def _of(database: Database, ground: Heightmap | None, inexact: bool, held_out: l
         "code": kept.code(),
         "machine": timing.machine(),
     }
+
+
+def _busy(summary: pd.DataFrame) -> list[str]:
+    """A line if the machine did so much else that costs cannot be trusted."""
+    if "frame_spread_us" not in summary:
+        return []
+    share = float((summary["frame_spread_us"] / summary["frame_mean_us"]).max())
+    if not share > BUSY:
+        return []
+    return [
+        "the machine did other things, too: times of the same frames differed from one repeat to the next by "
+        f"up to {100 * share:.0f} % of their mean, so costs may be too high"
+    ]
 
 
 def _in_crowds(chosen: Sequence[Entry], patterns: Sequence[str] | None) -> list[Entry]:

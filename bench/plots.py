@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from bench.colours import mark as mark_of
 from bench.memory.pareto import front
 from features.terrain import Ground
 from mm.quality import Trace
@@ -35,7 +36,8 @@ MARGIN, RELIEF_POINTS = 0.05, 80  # of a way's extent drawn around it; points a 
 WIDE = 10  # times the least number is the greatest where an axis is logarithmic
 SMALL = 0.01  # of the largest memory: parts that no system has more of are not told apart
 POINTS = 800  # of a line over time, at most
-ROOM, LETTER, GAP = 0.03, 0.0095, 0.012  # of the axes: between two labels, of a letter, beside a point
+ROOM, LETTER, GAP = 0.03, 0.0115, 0.014  # of the axes: between two labels, of a letter, beside a point
+FEW = 12  # points of a figure that all bear their names
 # What is wanted of a system beside what a frame of it costs.
 WORTH = (
     ("real_cm", "distance from the nearest real pose, cm"),
@@ -227,26 +229,39 @@ def worth(summary: pd.DataFrame, colours: Mapping[str, str]) -> Any:
             line["frame_mean_us"], line[column], color=INK, linewidth=0.7, drawstyle="steps-post", zorder=1
         )
         for system, cost, value in these.itertuples(index=False):
-            dot = axes.scatter([cost], [value], 26, color=colours[system], zorder=2)
+            dot = axes.scatter([cost], [value], 26, color=colours[system], marker=mark_of(system), zorder=2)
             mark(dot, system, say=f"{what}: {value:.3g}\na frame: {cost:.3g} µs")
-        axes.set_xscale("log")
-        axes.xaxis.set_major_formatter("{x:g}")
-        axes.xaxis.set_minor_formatter("")
-        if these[column].max() > WIDE * these[column].min() > 0:
-            axes.set_yscale("log")
-            axes.yaxis.set_major_formatter("{x:g}")
-            axes.yaxis.set_minor_formatter("")
         axes.set_xlabel("microseconds a frame, mean")
         axes.set_ylabel(what)
         axes.grid(True)
         axes.margins(0.15, 0.1)
+        logarithmic(axes, "x")
+        if these[column].max() > WIDE * these[column].min() > 0:
+            logarithmic(axes, "y")
         labels.append(
             (axes, *these[["frame_mean_us", column]].to_numpy(float).T, list(these["system"]), best)
         )
     picture.draw_without_rendering()  # so that it is known where points are
     for axes, cost, value, names, best in labels:
-        name_points(axes, cost, value, names, best, best)
+        name_points(axes, cost, value, names, best, best | (len(names) <= FEW))
     return picture
+
+
+def logarithmic(axes: Any, which: str) -> None:
+    """Make axes that have all their points logarithmic in x, y or xy, with round numbers along them."""
+    from matplotlib.ticker import LogLocator, NullLocator
+
+    for letter in which:
+        getattr(axes, f"set_{letter}scale")("log")
+        axis = getattr(axes, f"{letter}axis")
+        low, high = axis.get_view_interval()
+        # All tens, and of few of them what lies between.
+        span = high / low
+        between = (1, 1.5, 2, 3, 4, 5, 6, 8) if span < 3 else (1, 2, 3, 5) if span < 12 else (1, 2, 5)
+        between = between if span < 500 else (1,)
+        axis.set_major_locator(LogLocator(subs=between, numticks=20))
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_locator(NullLocator())
 
 
 def name_points(
@@ -287,12 +302,11 @@ def crowd(rows: pd.DataFrame, colours: Mapping[str, str]) -> Any:
     """Microseconds a character and frame by number of characters (`bench.crowd`), both logarithmic."""
     picture, (axes,) = figure(9, 3.6)
     for system, own in rows.groupby("system", sort=False):
-        axes.plot(own["characters"], own["us"], ".-", color=colours[system], linewidth=1.2, label=system)
-    axes.set_xscale("log")
-    axes.set_yscale("log")
+        x, y, style = own["characters"], own["us"], f"{mark_of(system)}-"
+        (line,) = axes.plot(x, y, style, color=colours[system], markersize=4, linewidth=1.2, label=system)
+        mark(line, system)
+    logarithmic(axes, "xy")
     axes.set_xticks(counts := sorted(rows["characters"].unique()), [f"{count:,}" for count in counts])
-    axes.minorticks_off()
-    axes.yaxis.set_major_formatter("{x:g}")
     axes.set_xlabel("characters")
     axes.set_ylabel("microseconds a character and frame")
     axes.grid(True)

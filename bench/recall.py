@@ -99,6 +99,7 @@ def figure(rows: list[dict[str, Any]], title: str) -> Any:
 
     A full mark is the index as it comes.
     """
+    from bench.plots import logarithmic
     from motion.figures import COLOURS
     from motion.figures import figure as empty
 
@@ -120,8 +121,7 @@ def figure(rows: list[dict[str, Any]], title: str) -> Any:
                     axes.annotate(
                         f"{row['value']:g}", (at, value), (3, -7), textcoords="offset points", fontsize=5.5
                     )
-        axes.set_xscale("log")
-        axes.xaxis.set_major_formatter("{x:g}")
+        logarithmic(axes, "x")
         axes.set_xlabel("median of a search, µs (logarithmic), one thread")
         axes.set_ylabel(label)
         axes.grid(True)

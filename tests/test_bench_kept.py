@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -209,6 +210,13 @@ def test_who_breaks_has_a_row_that_says_so(database, tmp_path):
         assert [trace.system for trace in found.traces] == ["mm-exact"]
         assert found.verdict.breaks["lost"] == "shows poses that are no numbers on turns"
         assert any(note.startswith("lost broke") for note in found.notes)
+
+
+def test_a_busy_machine_is_told():
+    rows = pd.DataFrame({"frame_mean_us": [math.nan, 50.0, 80.0], "frame_spread_us": [math.nan, 4.0, 9.0]})
+    assert comparing._busy(rows) == [] and comparing._busy(rows[["frame_mean_us"]]) == []
+    rows["frame_spread_us"] *= 20
+    assert "by up to 225 % of their mean" in comparing._busy(rows)[0]
 
 
 def test_crowds_are_of_one_of_each_kind(database):

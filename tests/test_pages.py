@@ -123,6 +123,54 @@ def test_systems_have_a_colour_each_and_families_a_hue():
     }
 
 
+# How light is seen without one kind of cones (Machado and others, IEEE TVCG 15, 2009, severity 1).
+EYES = {
+    "all": np.eye(3),
+    "no red": [[0.152, 1.053, -0.205], [0.115, 0.786, 0.099], [-0.004, -0.048, 1.052]],
+    "no green": [[0.367, 0.861, -0.228], [0.280, 0.673, 0.047], [-0.012, 0.043, 0.969]],
+    "no blue": [[1.256, -0.077, -0.179], [-0.078, 0.931, 0.148], [0.005, 0.691, 0.304]],
+}
+
+
+def light(colour):
+    """Linear red, green and blue [3] of a colour as pages write it."""
+    parts = np.array([int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)])
+    return np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+
+
+def lab(rgb):
+    """CIE L*a*b* of linear light [3], white D65."""
+    matrix = [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
+    x, y, z = np.cbrt(matrix @ np.clip(rgb, 1e-9, 1) / [0.9505, 1, 1.089])
+    return np.array([116 * y - 16, 500 * (x - y), 200 * (y - z)])
+
+
+@pytest.mark.parametrize("eyes", EYES)
+def test_systems_are_told_apart_by_whatever_eyes(eyes):
+    names = ["mm-exact", "mm-exact-float16", "mm-coded-quantised-11", "lmm-PSD", "lmm-D", "pfnn-cubic"]
+    names += ["pfnn-constant", "mann-4"]
+    seen = [lab(np.array(EYES[eyes]) @ light(colour)) for colour in colours.of(names).values()]
+    apart = [np.linalg.norm(a - b) for i, a in enumerate(seen) for b in seen[:i]]
+    assert min(apart) > 12  # 2.3 is just noticed
+    assert len({colours.mark(name) for name in names}) == 5
+
+
+def test_colours_are_seen_on_white_and_on_black():
+    for colour in colours.of(SYSTEMS).values():
+        bright = light(colour) @ [0.2126, 0.7152, 0.0722]
+        assert 1.05 / (bright + 0.05) > 1.8 and (bright + 0.05) / (0.0095 + 0.05) > 1.8
+
+
+def test_round_numbers_stand_along_logarithmic_axes():
+    for low, high, expected in ((60, 250, [100, 200]), (1, 4096, [1, 10, 100, 1000]), (30, 50, [30, 40, 50])):
+        picture, (axes,) = figures.figure(4, 3)
+        axes.plot([low, high], [1, 2])
+        plots.logarithmic(axes, "x")
+        picture.draw_without_rendering()
+        shown = [t.get_text() for t in axes.get_xticklabels() if low <= t.get_position()[0] <= high]
+        assert {f"{number:g}" for number in expected} <= set(shown) and len(shown) <= 8
+
+
 @pytest.mark.parametrize(
     ("value", "digits", "expected"), [(1234.5, 1, "1,234.5"), (None, 1, "–"), (np.nan, 0, "–")]
 )
@@ -135,7 +183,8 @@ def test_worth_is_shown_of_what_is_known_and_names_whom_none_cheaper_beats():
     assert plots.worth(rows, COLOURS) is None
     rows["skate_cm_s"], rows["path_cm"] = [9.0, 9.5, 5.0], np.nan
     (axes,) = plots.worth(rows, COLOURS).axes
-    assert [text.get_text() for text in axes.texts] == ["mm-exact", "lmm-PSD"]
+    names = {text.get_text(): text.get_fontweight() for text in axes.texts}
+    assert names == {"mm-exact": "bold", "lmm-PSD": "bold", "mm-exact-quantised-16": "normal"}
     assert axes.get_ylabel() == "foot skate, cm/s"
 
 

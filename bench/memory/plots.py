@@ -14,7 +14,6 @@ from motion.figures import INK, figure
 from motion.marks import mark
 
 PANELS = (("training", "pose_cm", "front"), ("held-out", "pose_held_cm", "front_held"))
-MARKERS = ("s", "o", "D", "^", "v")
 
 
 def against_error(systems: pd.DataFrame) -> Any:
@@ -35,23 +34,18 @@ def against_error(systems: pd.DataFrame) -> Any:
         best = rows[front].to_numpy(bool)
         order = np.flatnonzero(best)[np.lexsort((error[best], memory[best]))]
         one.plot(memory[order], error[order], color=INK, linewidth=0.8, drawstyle="steps-post", zorder=1)
-        for kind, marker in zip(kinds, MARKERS, strict=False):
+        for kind in kinds:
             for decoded in ("decoded", "one step"):
                 who = rows[(rows["kind"] == kind) & (rows["error"] == decoded)]
                 title = kind if decoded == "decoded" else f"{kind}, after one step"
                 for row in who.to_dict("records"):
                     name, colour = row["system"], shades[row["system"]]
                     dot = one.scatter(
-                        row["memory_mb"], max(row[column], floor), 22, edgecolors=colour, marker=marker,
-                        facecolors=colour if decoded == "decoded" else "none", zorder=2,
+                        row["memory_mb"], max(row[column], floor), 22, marker=colours.mark(name),
+                        edgecolors=colour, facecolors=colour if decoded == "decoded" else "none", zorder=2,
                         label=title,
                     )  # fmt: skip
                     mark(dot, name, say=f"{row['memory_mb']:.3g} MB\n{row[column]:.3g} cm, {part} clips")
-        one.set_xscale("log")
-        one.set_yscale("log")
-        for axis in (one.xaxis, one.yaxis):
-            axis.set_major_formatter("{x:g}")
-            axis.set_minor_formatter("")
         one.set_xlabel("MB (10^6 bytes) held in all, of one character")
         one.set_ylabel(f"joint error, {part} clips, cm")
         one.grid(True, which="major")
@@ -60,6 +54,7 @@ def against_error(systems: pd.DataFrame) -> Any:
             across = one.get_yaxis_transform()
             one.text(0.01, floor, "as in the data", transform=across, va="bottom", fontsize=6)
         one.margins(0.12, 0.1)
+        plots.logarithmic(one, "xy")
         labels.append((one, memory, error, [_short(name) for name in rows["system"]], best, _named(rows)))
     handles = dict(zip(*reversed(axes[0].get_legend_handles_labels()), strict=True))
     picture.legend(handles.values(), handles, loc="outside upper center", ncols=4, fontsize=7)
