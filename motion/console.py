@@ -227,7 +227,9 @@ def _print_columns(
 ) -> None:
     from rich.table import Table
 
-    table = Table(title=title, title_justify="left", show_edge=False, pad_edge=False)
+    if title:
+        console.print(title, style="italic", soft_wrap=True)  # a table would fold it to its own width
+    table = Table(show_edge=False, pad_edge=False)
     for key in keys:
         text = key in texts
         table.add_column(key, justify="left" if text else "right", overflow="fold", no_wrap=not text)

@@ -293,6 +293,11 @@ def test_progress_on_a_terminal_keeps_to_standard_error(
     assert capsys.readouterr().out == ""
 
 
+def test_a_title_is_a_line_however_narrow_the_table(capsys: pytest.CaptureFixture[str]) -> None:
+    console.print_table([{"a": 1}], title="much longer than the table is wide")
+    assert capsys.readouterr().out.splitlines()[0] == "much longer than the table is wide"
+
+
 def test_a_missing_extra_names_the_install_command() -> None:
     @console.needs("viewer", "no_such_module_at_all")
     def window() -> None:

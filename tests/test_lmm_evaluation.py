@@ -10,6 +10,7 @@ import lmm_models
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from features import terrain, terrain_made
 from lmm.cli import main
@@ -480,6 +481,17 @@ def test_characters_without_whole_legs_are_driven_once(database, exact):
     found = evaluate.evaluate(model, database, replace(BRIEF, courses=("circle",), mixed=("circle",)))
     assert [row["system"] for row in found["courses"]] == ["mm-free", "lmm-PSD-free"]
     assert [row["met"] for row in found["targets"] if "motion matching" in row["what"]] != [None, None]
+
+
+def test_the_words_of_the_regrets_picture_lie_inside():
+    of_it = {"median": 1.1, "p95": 12.05, "shares": [1 / (len(pictures.BINS) - 1)] * (len(pictures.BINS) - 1)}
+    picture = pictures.regret({"projector": {kind: {"regret": of_it} for kind in pictures.KINDS}})
+    drawn = FigureCanvasAgg(picture)
+    drawn.draw()
+    (axes,) = picture.axes
+    for words in (*axes.get_legend().get_texts(), axes.xaxis.label, axes.yaxis.label):
+        (left, low), (right, high) = words.get_window_extent(drawn.get_renderer()).get_points()
+        assert 0 <= left < right <= picture.bbox.width and 0 <= low < high <= picture.bbox.height
 
 
 def test_users_that_judge_are_none_that_training_learns_from(database, exact, monkeypatch):

@@ -145,9 +145,9 @@ def regret(found: dict[str, Any]) -> Any:
         axes.stairs(100 * np.array(of_it["shares"]), BINS, label=told, linewidth=1.3)
     axes.axvline(1, color=figures.INK, linewidth=0.8, linestyle=(0, (4, 2)))
     axes.set_xlim(BINS[0], BINS[-1])
-    axes.set_xlabel(f"distance of the answer / of the true neighbour; the last bin is all from {BINS[-2]:g}")
+    axes.set_xlabel(f"distance of the answer / of the true neighbour (the last bin: {BINS[-2]:g} or more)")
     axes.set_ylabel("share of queries, %")
-    axes.legend(fontsize=7, loc="lower left", bbox_to_anchor=(0, 1), ncols=2)
+    axes.legend(fontsize=7, loc="lower left", bbox_to_anchor=(0, 1))
     return picture
 
 
