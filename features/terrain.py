@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from motion import files, text
-from motion.errors import UserError
+from motion.errors import NotFinite, UserError
 
 from . import terrain_kernels, terrain_kernels_numpy
 
@@ -30,6 +30,21 @@ _WHOLE = "every row needs the same count of plain numbers"
 def flat(x: NDArray, z: NDArray) -> NDArray[np.float32]:
     """The flat ground: zeros [..] for x and z [..]."""
     return np.zeros(np.broadcast_shapes(np.shape(x), np.shape(z)), np.float32)
+
+
+def heights(ground: Ground, x: NDArray, z: NDArray) -> NDArray[np.float32]:
+    """What a ground gives at x and z [..], metres, contiguous.
+
+    A ground that gives other than a finite height for each place is a UserError, places that are no numbers
+    are `NotFinite`.
+    """
+    found = np.ascontiguousarray(ground(x, z), np.float32)
+    if found.shape != x.shape or not np.isfinite(found).all():
+        if not (np.isfinite(x).all() and np.isfinite(z).all()):
+            raise NotFinite("poses that are no numbers cannot be put on a ground")
+        wrong = f"heights {found.shape}" if found.shape != x.shape else "no finite heights"
+        raise UserError(f"a ground gives {wrong} for x and z {x.shape}", remedy="check its function")
+    return found
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from features.terrain import Ground
-from motion.errors import NotFinite, UserError
+from features.terrain import Ground, heights
 from motion.skeleton import Skeleton
 
 from . import ground_kernels, ground_kernels_numpy
@@ -72,22 +71,15 @@ class GroundFeet:
     ) -> None:
         """Change poses, local positions [N, J, 3] and rotations [N, J, 4], in place; contacts [N, C].
 
-        Once a frame. The arrays must not be those that the system goes on from. A ground that gives other
-        than a finite height for each place is a UserError, and poses without a place `NotFinite`.
+        Once a frame. The arrays must not be those that the system goes on from. Errors: see
+        `features.terrain.heights`.
         """
         legs, places = self._legs, self._places
         self._kernels.locate(
             self._levels, self.dt, self._parents, legs.needed, legs.joints, legs.points, positions, rotations,
             self._world_pos, self._world_rot, self._touches, places,
         )  # fmt: skip
-        grounds = np.ascontiguousarray(self.ground(places[..., 0], places[..., 1]), np.float32)
-        if grounds.shape != places.shape[:-1] or not np.isfinite(grounds).all():
-            if not np.isfinite(places).all():
-                raise NotFinite("poses that are no numbers cannot be put on a ground")
-            wrong = f"heights {grounds.shape}" if grounds.shape != places.shape[:-1] else "no finite heights"
-            raise UserError(
-                f"a ground gives {wrong} for x and z {places.shape[:-1]}", remedy="check its function"
-            )
+        grounds = heights(self.ground, places[..., 0], places[..., 1])
         self._kernels.stand(
             self._levels, grounds, places, self.follow, self.halflife, self.dt, contacts, legs.heights,
             self._parents, legs.joints, legs.hinges, self._under_root, self._touches, self._world_pos,

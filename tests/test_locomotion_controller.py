@@ -132,6 +132,17 @@ def test_the_root_stands_on_the_ground(kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", MODELS)
+def test_a_ground_that_is_none_is_told(kind: str) -> None:
+    model = MODELS[kind]()
+    with pytest.raises(UserError, match=r"a ground gives heights \(3,\) for x and z"):
+        CONTROLLERS[kind](model, ground=lambda x, z: np.zeros(3))
+    heights = [0.0, np.nan]  # where it begins, and ever after
+    controller = CONTROLLERS[kind](model, ground=lambda x, z: 0 * x + heights[x.ndim > 1])
+    with pytest.raises(UserError, match="a ground gives no finite heights"):
+        controller.step(commands(1))
+
+
+@pytest.mark.parametrize("kind", MODELS)
 def test_obstacles_stop_the_root(kind: str) -> None:
     model = MODELS[kind]()
     mean = model.network.output_mean.copy()

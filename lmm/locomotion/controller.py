@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from features.terrain import Ground, flat
+from features.terrain import Ground, flat, heights
 from mm import settings as mm_settings
 from mm.control import Command
 from motion import foot_lock, foot_lock_numpy, springs
@@ -46,7 +46,8 @@ class LocomotionController:
     count : N.
     products : of the network's numbers, see the evaluators.
     settings : see `lmm.locomotion.settings.LocomotionSettings`.
-    ground : any function of heights (`features.terrain.Ground`); flat at 0 by default.
+    ground : any function of heights (`features.terrain.Ground`); flat at 0 by default. Errors: see
+        `features.terrain.heights`.
     obstacles : float [M, 5], see `mm.controller.Controller`; roots keep off them.
     compiled : use the compiled kernels; False takes their NumPy twins, for tests.
     name : what reports call this system.
@@ -166,8 +167,8 @@ class LocomotionController:
             return wrong
         if ground is not None:
             kernels.sample_points(characters, self._into, x, self._points)
-            heights = np.asarray(ground(self._points[..., 0], self._points[..., 1]), np.float32)
-            self._stand(characters, heights, x)
+            at = self._points
+            self._stand(characters, heights(ground, at[..., 0], at[..., 1]), x)
         self._lap("trajectory")
         y = self._evaluate(characters, x)
         self._lap("network")
@@ -230,7 +231,7 @@ class LocomotionController:
     def _stand_on_ground(self) -> None:
         if self._ground is not None:
             x, z = self.characters["root"][:, 0], self.characters["root"][:, 1]
-            self.characters["height"] = self.characters["shown_height"] = self._ground(x, z)
+            self.characters["height"] = self.characters["shown_height"] = heights(self._ground, x, z)
 
     def _settle(self) -> tuple[Any, ...]:
         """A character at rest: what the network makes of its mean pose when it is asked to stand."""
