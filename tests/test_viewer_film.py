@@ -9,7 +9,7 @@ from PIL import Image
 
 from motion.clip import Clip
 from motion.errors import UserError
-from viewer import body, film, shows, views
+from viewer import body, camera, film, shows, views
 from viewer.stage import Stage
 from viewer.views import View
 
@@ -103,6 +103,30 @@ def test_a_camera_that_follows_keeps_the_walker_in_the_middle(straight: Stage) -
     places = [(middle(image, "left") + middle(image, "right")) / 2 for image in images]
     assert np.abs(np.array(places) - SIZE[0] / 2).max() < 0.12 * SIZE[0]
     assert not np.array_equal(images[0], images[-1])
+
+
+@pytest.mark.parametrize("kind", ["follow", "orbit", "fixed"])
+@pytest.mark.parametrize("above", [0.0, 0.4])
+def test_what_is_left_free_for_panels_is_free(walker_clips: list[Clip], kind: str, above: float) -> None:
+    stage = Stage([shows.of_clip(clip) for clip in walker_clips[:2]])
+    times = np.arange(0, 2, 0.5).tolist()
+    eye = views.first_camera(stage, times, SIZE, View(kind, azimuth=0.0, above=above))
+    seen = []
+    for time in times if kind == "fixed" else times[:1]:
+        joints = np.concatenate([stage.pose(i, time)[0].reshape(-1, 3) for i in range(2)])
+        seen.append(camera.project(eye, joints, *SIZE)[0])
+    x, y = np.concatenate(seen).T
+    assert above * SIZE[1] - 0.02 * SIZE[1] <= y.min() and y.max() <= SIZE[1]
+    assert x.min() >= 0 and x.max() <= SIZE[0]
+
+
+def test_whoever_is_looked_at_is_in_the_light_from_any_side(straight: Stage) -> None:
+    bright = []
+    for azimuth in np.radians([0, 90, 180, 270]):
+        (image,) = views.film(straight, [1.0], SIZE, View(azimuth=azimuth, elevation=0.1))
+        hue = np.ptp(image.astype(int), axis=-1)
+        bright.append(image[hue > 60].mean())
+    assert max(bright) < 1.3 * min(bright)
 
 
 def test_a_camera_that_stands_sees_it_pass(straight: Stage) -> None:

@@ -16,11 +16,12 @@ from mm.database import Database
 from motion import console, kinematics, quat
 from motion.clip import Clip
 from motion.errors import UserError
-from viewer import cast, layers, offscreen, panel, shows, sources
+from viewer import camera, cast, layers, legend, offscreen, panel, shows, sources, views
 from viewer.cast import Member
-from viewer.layers import Moment, colours, ghost, placed
+from viewer.layers import Moment, colours, features, ghost, placed
 from viewer.scene import LIGHT, Arrows, Labels, Layer, Lines, Points, Solids
 from viewer.stage import Stage
+from viewer.views import View
 
 TIME = 2.0
 
@@ -82,9 +83,9 @@ def test_what_is_asked_and_predicted_is_what_was_recorded(members: dict[str, Mem
 def test_the_match_goes_where_its_clip_goes(members: dict[str, Member], data: Database) -> None:
     member = members["mm"]
     moment, frame = Moment(member, TIME), int(data.starts[1]) + 5
-    features = moment.features(frame)
-    assert features is not None
-    points, facings = moment.way(features, moment.root)
+    row = moment.features(frame)
+    assert row is not None
+    points, facings = moment.way(row, moment.root)
     after = frame + np.append(0, np.round(data.schema.trajectory().times * data.fps)).astype(int)
     roots = data.poses.positions[:, 0].astype(np.float64)
     yaws = quat.yaw(data.poses.rotations[:, 0].astype(np.float64))
@@ -107,7 +108,7 @@ def test_features_are_joints(members: dict[str, Member]) -> None:
     assert moment.search is not None
     found = draw(member, "features")
     query, match = found["features query points"], found["features match points"]
-    assert isinstance(query, Points) and isinstance(match, Points) and len(query.positions) == 2
+    assert isinstance(query, Points) and isinstance(match, Points) and len(query.positions) == 3
     frame, data = int(moment.search[0]["frame"]), member.data
     assert isinstance(data, Database)
     poses = data.poses[slice(frame, frame + 1)]
@@ -115,7 +116,22 @@ def test_features_are_joints(members: dict[str, Member]) -> None:
     feet = world[0, [data.skeleton.roles[f"{side}_foot"] for side in ("left", "right")]] - world[0, 0]
     turn = quat.from_yaw(np.array(moment.search[1].yaw) - quat.yaw(turned[:1, 0].astype(np.float64)))
     where = np.insert(moment.search[1].position, 1, 0.0)
-    np.testing.assert_allclose(match.positions, quat.rotate(turn, feet) + where, atol=2e-3)
+    np.testing.assert_allclose(match.positions[:2], quat.rotate(turn, feet) + where, atol=2e-3)
+    # Of the hips the schema has a velocity alone: it stands where they were.
+    record, roles = moment.search[0], data.skeleton.roles
+    then, _ = kinematics.forward(data.skeleton, record["positions"][None], record["rotations"][None])
+    np.testing.assert_allclose(query.positions[2], then[0, roles["hips"]], atol=1e-5)
+    around = data.poses[slice(frame - 1, frame + 2)]
+    near, _ = kinematics.forward(data.skeleton, around.positions, around.rotations)
+    joints = [roles["left_foot"], roles["right_foot"], roles["hips"]]
+    moved = quat.rotate(turn, (near[2] - near[0])[joints].astype(np.float64)) * data.fps / 2
+    arrows = found["features match velocities"]
+    assert isinstance(arrows, Arrows)
+    np.testing.assert_allclose(arrows.vectors / features.SECONDS, moved, atol=0.05)
+    way = found["features match way"]
+    assert isinstance(way, Lines)
+    expected, _ = moment.way(moment.features(frame), moment.search[1])  # type: ignore[arg-type]
+    np.testing.assert_allclose(way.points[:, [0, 2]], expected, atol=1e-5)
 
 
 def test_contacts_are_at_the_toes(members: dict[str, Member], walker: Clip) -> None:
@@ -206,6 +222,53 @@ def test_the_ground_is_laid_and_its_samples_lie_on_it() -> None:
     told = panel.Gauge(member).at(TIME)
     assert told.phase is not None and "skate" not in [row.name for row in told.rows]
     assert sum(bar.share for bar in told.bars) == pytest.approx(1, abs=0.1)
+
+
+def test_the_camera_stands_farther_for_what_is_drawn(members: dict[str, Member]) -> None:
+    member, far = members["mm"], []
+    for shown in ([], ["trajectory"]):
+        stage = offscreen.stages([member], offscreen.Look(shown=shown))[0]
+        view, size = View(azimuth=np.pi / 2), (90, 120)
+        far.append(views.first_camera(stage, [TIME], size, view, marked=True).distance)
+        eye = views.first_camera(stage, [TIME], size, view, marked=True)
+    assert far[0] < far[1] <= 1.31 * far[0]
+    way = stage.scene.layers["0 trajectory way"]
+    assert isinstance(way, Lines)
+    x, y = camera.project(eye, way.points, *size)[0].T
+    assert x.min() > 0 and x.max() < 90 and y.max() < 120
+
+
+def test_panels_hide_nobody(members: dict[str, Member]) -> None:
+    """The highest thing of a side's colour is below all panels."""
+    both = list(members.values())
+    look = offscreen.Look(shown=["panel", "costs"], apart=True)
+    (image,) = offscreen.filmed(both, look, [TIME], (320, 180), View())
+    hue = np.ptp(image.astype(int), axis=-1) * (np.abs(image[..., 0].astype(int) - image[..., 2]) > 50)
+    high = round(
+        180 * panel.share([panel.Gauge(m, look.shown) for m in both], [TIME], (320, 180), apart=True)
+    )
+    assert 0.3 * 180 < high < 0.5 * 180
+    assert (hue[high:] > 60).sum() > 200
+    assert panel.covers(2, (1280, 720), apart=True, bodies=2) and panel.covers(
+        4, (1280, 720), apart=False, bodies=4
+    )
+    assert not panel.covers(1, (1280, 720), apart=False, bodies=1) and not panel.covers(
+        0, (8, 8), apart=True, bodies=1
+    )
+
+
+def test_a_legend_says_what_colours_mean_and_when_it_is() -> None:
+    keys = legend.of(["trajectory", "features", "trajectory", "panel"])
+    assert [key.words for key in keys] == ["asked", "predicted", "query", "what answered it"]
+    for name in layers.DRAWN:
+        assert name in legend.KEYS
+    blank = [np.full((360, 640, 3), 250, np.uint8) for _ in range(2)]
+    one, other = legend.on(blank, [1.0, 2.5], keys, LIGHT)
+    shade = np.round(255 * colours.ASKED).astype(int)
+    assert (np.abs(one[-30:, :60].astype(int) - shade).sum(axis=-1) < 9).sum() > 10
+    assert np.array_equal(one[:, :400], other[:, :400]) and not np.array_equal(one[:, 560:], other[:, 560:])
+    (narrow,) = legend.on([np.full((360, 120, 3), 250, np.uint8)], [1.0], keys, LIGHT)
+    assert narrow.shape == (360, 120, 3)
 
 
 def test_a_panel_tells_what_was_recorded(members: dict[str, Member]) -> None:

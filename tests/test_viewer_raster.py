@@ -133,6 +133,43 @@ def test_the_shadow_lies_where_the_light_leads() -> None:
     np.testing.assert_allclose(place, expected, atol=0.6)
 
 
+def slope(share: float, below: float) -> Surface:
+    """Ground that rises by a share of z; at the origin it lies below by so much."""
+    corners = np.array([[x, share * z - below, z] for x in (-4, 4) for z in (-4, 4)], np.float32)
+    normals = np.tile(np.array([0, 1, -share]) / np.hypot(1, share), (4, 1)).astype(np.float32)
+    mesh = Mesh(corners, normals, np.array([[0, 1, 2], [1, 3, 2]], np.int32), np.full(3, 0.7, np.float32))
+    return Surface(mesh=mesh, shadow=False, shaded=True)
+
+
+@pytest.mark.parametrize(("share", "below"), [(0.0, 0.5), (0.4, 0.0), (-0.3, 1.0)])
+def test_shadows_fall_on_uneven_ground_where_the_light_leads(share: float, below: float) -> None:
+    ball = shapes.ellipsoid([0, 1.0, 0], np.eye(3) * 0.15, np.full(3, 0.6))
+    scene = Scene({"ball": scenes.solids(ball), "slope": slope(share, below)}, ground=None)
+    scene.sun = replace(scene.sun, direction=(0.4, 1.0, -0.3))
+    eye = camera.orbit([0, 0, 0], azimuth=0.0, elevation=1.2, distance=7.0, field=0.6)
+    image = picture(scene, eye, (96, 96)).astype(float)
+    scene.layers["ball"].update(shadow=False)
+    dark = (picture(scene, eye, (96, 96)) - image).sum(axis=-1)
+    assert dark.max() > 50
+    rows, columns = np.mgrid[:96, :96] + 0.5
+    place = np.array([np.sum(dark * columns), np.sum(dark * rows)]) / dark.sum()
+    # Down from the middle of the ball by t: (-0.4 t, 1 - t, 0.3 t) is on the slope.
+    t = (1 + below) / (1 + 0.3 * share)
+    expected, _ = camera.project(eye, [-0.4 * t, 1 - t, 0.3 * t], 96, 96)
+    np.testing.assert_allclose(place, expected, atol=0.7)
+
+
+def test_rims_of_rounded_surfaces_are_no_darker_than_what_is_beside_them() -> None:
+    """Where the normals of a triangle that is seen begin to face away."""
+    means = []
+    for away in (-0.02, 0.02):
+        wall = scenes.rectangle((0, 0, 0), 2, 2)
+        tilted = np.tile(np.array([0, 1, -away], np.float32), (4, 1))
+        scene = on_black(Mesh(wall.vertices, tilted, wall.triangles, wall.colours))
+        means.append(picture(scene, scenes.ahead(), (32, 32))[8:24, 8:24, 0].mean())
+    assert means[1] == pytest.approx(means[0], abs=6)
+
+
 def test_the_grid_has_a_line_every_metre_and_fades() -> None:
     scene = Scene(ground=Ground(spacing=1.0, centre=(0.0, 0.0), radius=12.0))
     eye = camera.orbit([0, 0, 0], azimuth=0.0, elevation=1.4, distance=8.0)
@@ -250,9 +287,12 @@ def busy(theme: Theme) -> Scene:
     return scene
 
 
-@pytest.mark.parametrize("theme", [LIGHT, DARK])
-def test_compiled_loops_draw_what_their_plain_twins_draw(theme: Theme) -> None:
-    scene, eye = busy(theme), camera.orbit([0, 0.6, 0], azimuth=0.4, elevation=0.35, distance=4.0)
+@pytest.mark.parametrize(("theme", "uneven"), [(LIGHT, False), (DARK, False), (LIGHT, True)])
+def test_compiled_loops_draw_what_their_plain_twins_draw(theme: Theme, uneven: bool) -> None:
+    scene = busy(theme)
+    if uneven:
+        scene.ground, scene.layers["slope"] = None, slope(0.2, 0.1)
+    eye = camera.orbit([0, 0.6, 0], azimuth=0.4, elevation=0.35, distance=4.0)
     fast, plain = (picture(scene, eye, (56, 40), compiled=c).astype(int) for c in (True, False))
     off = np.abs(fast - plain).max(axis=-1)
     assert np.median(off) <= 1

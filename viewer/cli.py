@@ -25,7 +25,6 @@ LARGEST = 8192
 RATES = {".gif": 25.0}
 VIEWS, CAMERAS = ("front", "side", "quarter", "back"), ("follow", "orbit", "fixed")
 COURSE, USUAL, NOTHING = "thesis", ("trajectory", "panel"), "none"
-ROOM = 1.35  # by which the camera stands back where pictures are narrow and have panels
 PAST = 0.1  # seconds that are driven beyond the time of a picture
 EXPORTS = (".bvh", ".glb", ".rec")
 
@@ -143,7 +142,7 @@ class Names(click.ParamType):
 @click.option(
     "--names/--no-names",
     default=None,
-    help="Names above the characters.  [default: of several without panels]",
+    help="Names above the characters.  [default: of several in one picture]",
 )
 def main(
     sources: tuple[str, ...],
@@ -296,7 +295,7 @@ def _draw(
     look = pictures.Look(
         theme=scene.DARK if dark else scene.LIGHT,
         shown=shown,
-        names=(several and not ghost and not panels) if names is None else names,
+        names=(several and not ghost and not (panels and apart)) if names is None else names,
         apart=apart,
         ghost=ghost,
     )
@@ -306,7 +305,7 @@ def _draw(
         raise UserError(f"nothing from {start:g} to {stop:g} s", remedy=f"the longest lasts {end:.2f} s")
     side = view or ("front" if several and not apart and not ghost else "quarter")
     angles = np.radians(views.SIDES[side]), np.radians(elevation)
-    seen = views.View(camera, *angles, distance, turn, room=ROOM if panels and apart else 1.0)
+    seen = views.View(camera, *angles, distance, turn)
     rate = fps or RATES.get(form, 30.0)
     if filmstrip:
         times = np.linspace(start, stop, filmstrip).tolist()

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from features.terrain import Ground, flat
 
-from . import layers, panel, scene, views
+from . import layers, legend, panel, scene, views
 from .cast import Member
 from .layers import Moment, ghost, terrain
 from .scene import Layer, Theme
@@ -85,13 +85,17 @@ def filmed(
 ) -> Iterator[Image]:
     """Pictures [H, W, 3] at rising times, all members at the same ones."""
     on = stages(members, look)
-    pictures = views.film(on[0], times, size, view) if len(on) == 1 else views.beside(on, times, size, view)
     told = [name for name in look.shown if name in panel.PARTS]
-    if not told:
-        return pictures
-    shown = members[: 1 if look.ghost else None]
-    gauges = [panel.Gauge(each, told) for each in shown]
-    return panel.on(pictures, times, gauges, look.theme, apart=look.apart)
+    gauges = [panel.Gauge(each, told) for each in members] if told else []
+    if panel.covers(len(gauges), size, apart=look.apart, bodies=1 if look.ghost else len(members)):
+        view = replace(view, above=panel.share(gauges, times, size, apart=look.apart))
+    pictures = views.film(on[0], times, size, view) if len(on) == 1 else views.beside(on, times, size, view)
+    if gauges:
+        pictures = panel.on(pictures, times, gauges, look.theme, apart=look.apart)
+    if look.shown or look.ghost:
+        keys = legend.of([*look.shown, *["ghost"] * look.ghost])
+        pictures = legend.on(pictures, times, keys, look.theme)
+    return pictures
 
 
 def strip(

@@ -32,6 +32,8 @@ LEAST = 0.02  # share below which an expert or a gait has no bar
 MOST_BARS = 8
 _WIDTH, _ROW, _LETTERS, _PAD = 268, 22, 15, 9  # pixels of a picture 720 high
 _COVER = 205  # of 255: how much of the picture it hides
+_BODY = 0.55  # of a picture's height: how wide a body is in it
+_MOST_HIDDEN, _LOOKS = 0.5, 8  # the share that panels may take; instants at which one looks how high they are
 # Lines of plots are no lower than these at their top, so that standing looks like standing.
 _TOPS = {"cost": 1.0, "speed": 2.0, "skate": 10.0, "step": 1.0}
 
@@ -135,6 +137,29 @@ def _costs(moment: Moment) -> list[Bar]:
     ]
 
 
+def covers(count: int, size: tuple[int, int], *, apart: bool, bodies: int) -> bool:
+    """Whether so many panels would hide some of the bodies in a picture, or in their parts of it."""
+    if not count:
+        return False
+    each, shown = (size[0] / count, 1) if apart else (size[0], bodies)
+    beside = (each - shown * _BODY * size[1]) / 2
+    return (count > 2 and not apart) or _WIDTH * _scale(size, count) > beside
+
+
+def share(
+    gauges: Sequence[Gauge], times: Sequence[float], size: tuple[int, int], *, apart: bool = False
+) -> float:
+    """The share of a picture's height that panels take at these times."""
+    scale = _scale(size, len(gauges))
+    some = np.unique(np.linspace(times[0], times[-1], min(len(times), _LOOKS)))
+    high = max(_height(gauge.at(time), scale) for gauge in gauges for time in some)
+    return min((high + 10 * scale) / size[1], _MOST_HIDDEN)
+
+
+def _scale(size: tuple[int, int], count: int) -> float:
+    return float(min(size[1] / STANDARD, 0.94 * size[0] / count / _WIDTH))
+
+
 def on(
     pictures: Iterable[Image],
     times: Iterable[float],
@@ -149,7 +174,7 @@ def on(
     """
     for picture, time in zip(pictures, times, strict=True):
         wide = picture.shape[1] / len(gauges)
-        scale = min(len(picture) / STANDARD, 0.94 * wide / _WIDTH)
+        scale = _scale((picture.shape[1], len(picture)), len(gauges))
         edge = round(10 * scale)
         for i, gauge in enumerate(gauges):
             stamp = drawn(gauge.at(time), theme, scale)
@@ -166,7 +191,7 @@ def drawn(told: Told, theme: Theme, scale: float = 1.0) -> Image:
 
     width, row, pad = (max(1, round(n * scale)) for n in (_WIDTH, _ROW, _PAD))
     small, large = (ImageFont.load_default(max(6, round(n * scale))) for n in (_LETTERS, 1.3 * _LETTERS))
-    height = round(1.5 * row) + row * (len(told.rows) + len(told.bars)) + 2 * pad
+    height = _height(told, scale)
     ink, back = _bytes(colour(theme.ink)), _bytes(colour(theme.halo))
     faint: Colour = tuple((3 * b + i) // 4 for b, i in zip(back, ink, strict=True))  # type: ignore[assignment]
     canvas = pillow.new("RGBA", (width, height), (*back, _COVER))
@@ -194,6 +219,11 @@ def drawn(told: Told, theme: Theme, scale: float = 1.0) -> Image:
         draw.rectangle((box[0], box[1], end, box[3]), fill=(*_bytes(bar.shade), 255))
         y += row
     return np.asarray(canvas)
+
+
+def _height(told: Told, scale: float) -> int:
+    row, pad = (max(1, round(n * scale)) for n in (_ROW, _PAD))
+    return round(1.5 * row) + row * (len(told.rows) + len(told.bars)) + 2 * pad
 
 
 def _plot(draw: Any, values: NDArray, top: float, box: tuple, shade: Colour, scale: float) -> None:

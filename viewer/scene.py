@@ -110,12 +110,14 @@ class Surface(Layer):
     ----------
     mesh : what is drawn.
     two_sided : whether it is seen from behind, too.
+    shaded : whether shadows fall on it, as on uneven ground.
     """
 
     mesh: Mesh
     opacity: float = 1.0
     shadow: bool = True
     two_sided: bool = False
+    shaded: bool = False
 
 
 @dataclass(eq=False, kw_only=True)

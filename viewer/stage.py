@@ -16,7 +16,7 @@ from motion import quat
 from motion.errors import UserError
 
 from . import skin
-from .layers.placing import placed, put
+from .layers.placing import extent, placed, put
 from .scene import LIGHT, Labels, Layer, Scene, Solids, Surface, Theme
 from .shows import Show
 
@@ -25,6 +25,7 @@ Marks = Callable[[float], Mapping[str, Layer]]
 
 _LANE = 0.8  # from one to the next, in parts of how tall they are
 _AROUND, _ABOVE = 0.08, 0.2  # room around the joints, and above them for names, likewise
+_NEAR = 1.3  # in parts of how tall they are: what is drawn farther from them need not be seen
 _BOX = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
 
 
@@ -37,6 +38,7 @@ class Stage:
     theme : colours of what is around them.
     names : whether their names stand above them.
     marks : for each show what is drawn about it at a time, in its own world (`viewer.layers`), or None.
+    lanes : whether several are moved, so that each begins at its own place; else all are in one world.
     """
 
     def __init__(
@@ -46,13 +48,14 @@ class Stage:
         theme: Theme = LIGHT,
         names: bool = False,
         marks: Sequence[Marks | None] = (),
+        lanes: bool = True,
     ) -> None:
         if not shows:
             raise ValueError("no shows")
         self.shows, self.scene = list(shows), Scene(theme=theme)
         self._marks, self._marked = list(marks), set[str]()
         self.tall = max(_height(show) for show in shows)
-        self._turns, self._moves = self._places()
+        self._turns, self._moves = self._places(lanes)
         self._leans = [_lean(show) for show in self.shows]
         self.roots, self.yaws = np.zeros((0, 3)), np.zeros(0)
         self.middle, self._corners = np.zeros(3), np.zeros((0, 3))
@@ -103,7 +106,7 @@ class Stage:
             middles.append(stands + quat.rotate(quat.from_yaw(faces), self._leans[i]))
             roots.append(stands)
             yaws.append(faces)
-            tops.append(stands[0] + np.array([0.0, positions[0, :, 1].max() + 0.14 * self.tall, 0.0]))
+            tops.append([stands[0, 0], positions[0, :, 1].max() + 0.14 * self.tall, stands[0, 2]])
         self.roots, self.yaws = np.concatenate(roots), np.concatenate(yaws)
         self._corners, bodies = np.concatenate(corners), np.concatenate(middles)
         bodies = bodies[np.isfinite(bodies).all(axis=1)]
@@ -130,6 +133,17 @@ class Stage:
             corners.append(self._corners)
         return np.array(middles), np.array(corners)
 
+    def marks(self, time: float) -> Array:
+        """Points [P, 3] of what is drawn about those shown at a time, and not far from them.
+
+        They are left as they are then.
+        """
+        self.move_to(time)
+        found = [extent(self.scene.layers[name]) for name in self._marked]
+        points = np.concatenate([np.zeros((0, 3)), *found])
+        far = np.linalg.norm(points[:, None, [0, 2]] - self.roots[None][..., [0, 2]], axis=-1)
+        return np.asarray(points[far.min(axis=1) < _NEAR * self.tall])
+
     def _around(self, positions: Array) -> Array:
         """Corners [8, 3] of a box around characters' joints [N, J, 3] and their names."""
         low, high = positions.min(axis=(0, 1)), positions.max(axis=(0, 1))
@@ -142,9 +156,9 @@ class Stage:
             made = Solids(parts=show.body.parts, **values) if "transforms" in values else Surface(**values)
             self.scene.layers[name] = made
 
-    def _places(self) -> tuple[list[Array], list[Array]]:
-        if len(self.shows) == 1:
-            return [quat.identity()], [np.zeros(3)]
+    def _places(self, lanes: bool) -> tuple[list[Array], list[Array]]:
+        if len(self.shows) == 1 or not lanes:
+            return [quat.identity()] * len(self.shows), [np.zeros(3)] * len(self.shows)
         turns, moves = [], []
         lane = _LANE * max(self.tall, 0.5)
         for i, show in enumerate(self.shows):
@@ -152,7 +166,7 @@ class Stage:
             turn = quat.from_yaw(-faces[0])
             place = np.array([(i - (len(self.shows) - 1) / 2) * lane, 0.0, 0.0])
             turns.append(turn)
-            moves.append(place - quat.rotate(turn, stands.mean(axis=0)))
+            moves.append(place - quat.rotate(turn, stands.mean(axis=0) * np.array([1.0, 0.0, 1.0])))
         return turns, moves
 
 
@@ -168,9 +182,9 @@ def _looks(i: int, show: Show, positions: Array, rotations: Array) -> dict[str, 
 
 
 def _stance(show: Show, positions: Array, rotations: Array) -> tuple[Array, Array]:
-    """Ground positions [N, 3] and yaws [N]; without a ground root the yaw is 0, the place that of joint 0."""
-    stands = positions[:, 0] * np.array([1.0, 0.0, 1.0])
+    """Where they stand [N, 3] and yaws [N]; without a ground root the yaw is 0, the place below joint 0."""
     known = show.skeleton.roles.get("root") == 0
+    stands = positions[:, 0] * np.array([1.0, float(known), 1.0])
     return stands, quat.yaw(rotations[:, 0]) if known else np.zeros(len(stands))
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from . import camera
 from .camera import Camera
 from .raster import Renderer, text
-from .scene import Ground, Theme, colour
+from .scene import Ground, Sun, Theme, colour
 from .stage import Stage
 
 Image = NDArray[np.uint8]
@@ -21,7 +21,8 @@ KINDS = ("follow", "orbit", "fixed")
 _SAMPLES = 40  # instants at which a film's extent is looked at
 _WAIST = 0.52  # of how tall they are: what the camera looks at
 _MARGIN = 1.06
-_LIFT = 0.3
+_LOOKS, _FARTHER = 12, 1.3  # instants at which what is drawn about them is looked at; how much farther for it
+_SUN = (np.radians(35.0), 0.57)  # to the right of where the camera stands, and how slanting
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,7 @@ class View:
     azimuth : radians from where the first character faces at the start, to its left.
     elevation : radians above level.
     distance : metres, or None for what shows all.
-    room : how much farther than that, so that there is room for panels above them.
+    above : share of the picture, at its top, that they leave free for panels.
     """
 
     kind: str = "follow"
@@ -43,7 +44,7 @@ class View:
     elevation: float = np.radians(12.0)
     distance: float | None = None
     turn: float = 8.0
-    room: float = 1.0
+    above: float = 0.0
 
 
 def film(
@@ -51,12 +52,13 @@ def film(
 ) -> Iterator[Image]:
     """Pictures [H, W, 3] of a stage at rising times, size being (width, height)."""
     renderer = Renderer(*size, compiled=compiled)
-    eye = first_camera(stage, times, size, view)
+    eye = first_camera(stage, times, size, view, marked=True)
+    shine(stage, eye)
     before = times[0]
     for time in times:
         stage.move_to(time)
         if view.kind != "fixed":
-            eye = camera.follow(eye, goal(stage) + _above(stage, view), time - before)
+            eye = camera.follow(eye, goal(stage) + _raised(eye.distance, view), time - before)
         if view.kind == "orbit":
             eye = _around(eye, 2 * np.pi * (time - before) / view.turn)
         before = time
@@ -72,9 +74,10 @@ def strip(
     wide = int(np.diff(edges).max())
     renderer = Renderer(wide, size[1], compiled=compiled)
     here = replace(view, kind="follow")
-    whole = first_camera(stage, times, (wide, size[1]), here)
+    whole = first_camera(stage, times, (wide, size[1]), here, marked=True)
     for time, start, stop in zip(times, edges, edges[1:], strict=False):
         eye = first_camera(stage, [time], (wide, size[1]), replace(here, distance=whole.distance))
+        shine(stage, eye)
         light(stage, eye)
         image = renderer.render(stage.scene, eye)
         _stamp(image, f"{time:.2f} s", stage.scene.theme)
@@ -93,7 +96,7 @@ def beside(
     edges = np.round(np.linspace(0, size[0], len(stages) + 1)).astype(int)
     sizes = [(int(wide), size[1]) for wide in np.diff(edges)]
     each = list(zip(stages, sizes, strict=True))
-    far = max(first_camera(stage, times, part, view).distance for stage, part in each)
+    far = max(first_camera(stage, times, part, view, marked=True).distance for stage, part in each)
     films = [film(stage, times, part, replace(view, distance=far), compiled=compiled) for stage, part in each]
     for pictures in zip(*films, strict=True):
         yield joined(pictures)
@@ -110,29 +113,63 @@ def joined(pictures: Iterable[Image]) -> Image:
     return np.concatenate(parts, axis=1)
 
 
-def first_camera(stage: Stage, times: Sequence[float], size: tuple[int, int], view: View) -> Camera:
-    """The camera at the first of the times, from where all that comes is seen; the stage is left there."""
+def first_camera(
+    stage: Stage, times: Sequence[float], size: tuple[int, int], view: View, *, marked: bool = False
+) -> Camera:
+    """The camera at the first of the times, from where all that comes is seen; the stage is left there.
+
+    marked : whether it stands farther off, if not by much, to see what is drawn about them, too.
+    """
     some = np.unique(np.linspace(times[0], times[-1], min(len(times), _SAMPLES)))
     middles, corners = stage.boxes(some.tolist())
+    looks = some[:: -(-len(some) // _LOOKS)] if marked and view.distance is None else some[:0]
+    marks = [(stage.marks(time), stage.middle) for time in looks]
     stage.move_to(times[0])
     if view.kind == "fixed":
-        middles = np.broadcast_to((middles.min(axis=0) + middles.max(axis=0)) / 2, middles.shape)
-    waist = np.array([0.0, _WAIST * stage.tall, 0.0]) + _above(stage, view)
-    azimuth = float(stage.yaws[0]) + view.azimuth
-    way = {"azimuth": azimuth, "elevation": view.elevation}
+        centre = (middles.min(axis=0) + middles.max(axis=0)) / 2
+        middles, marks = np.broadcast_to(centre, middles.shape), [(points, centre) for points, _ in marks]
+    around = corners - middles[:, None]
+    waist = np.array([0.0, _WAIST * stage.tall, 0.0])
+    way = {"azimuth": float(stage.yaws[0]) + view.azimuth, "elevation": view.elevation}
     distance = view.distance
     if distance is None:
-        seen = corners - middles[:, None] - waist
-        if view.kind == "orbit":  # from all sides
-            far = np.linalg.norm(seen[..., [0, 2]], axis=-1)
-            seen = np.stack([far * np.cos(azimuth), seen[..., 1], -far * np.sin(azimuth)], axis=-1)
-        distance = view.room * _MARGIN * camera.fitting(seen.reshape(-1, 3), aspect=size[0] / size[1], **way)
-    return camera.orbit(middles[0] + waist, distance=distance, **way)
+        distance = _distance(around - waist, size, view, **way)
+        if marks:
+            points = np.concatenate([points - middle for points, middle in marks])
+            drawn = _distance(points - waist, size, view, **way)
+            distance = float(np.clip(drawn, distance, _FARTHER * distance))
+    return camera.orbit(middles[0] + waist + _raised(distance, view), distance=distance, **way)
 
 
-def _above(stage: Stage, view: View) -> NDArray[np.float64]:
-    """How much higher the camera looks where there is to be room above them."""
-    return np.array([0.0, _LIFT * (view.room - 1) * stage.tall, 0.0])
+def _distance(
+    points: NDArray[np.float64], size: tuple[int, int], view: View, *, azimuth: float, elevation: float
+) -> float:
+    """From where points [..., 3] around what is looked at are in the part of the picture that is theirs."""
+    if view.kind == "orbit":  # from all sides
+        far = np.linalg.norm(points[..., [0, 2]], axis=-1)
+        points = np.stack([far * np.cos(azimuth), points[..., 1], -far * np.sin(azimuth)], axis=-1)
+    points, free = points.reshape(-1, 3), 1 - view.above
+    if not np.isfinite(points).all(axis=1).any():
+        return 0.0
+    return _MARGIN * camera.fitting(
+        points,
+        azimuth=azimuth,
+        elevation=elevation,
+        aspect=size[0] / (size[1] * free),
+        field=2 * np.arctan(free * np.tan(camera.FIELD / 2)),
+    )
+
+
+def _raised(distance: float, view: View) -> NDArray[np.float64]:
+    """How much higher the camera looks, so that what it is to see is in the middle of what is left free."""
+    return np.array([0.0, view.above * distance * np.tan(camera.FIELD / 2), 0.0])
+
+
+def shine(stage: Stage, eye: Camera) -> None:
+    """Let light come from beside the camera: whoever is looked at from the front is not in the shade."""
+    x, _, z = eye.position - eye.target
+    azimuth = np.arctan2(x, z) + _SUN[0]
+    stage.scene.sun = Sun((float(_SUN[1] * np.sin(azimuth)), 1.0, float(_SUN[1] * np.cos(azimuth))))
 
 
 def goal(stage: Stage) -> NDArray[np.float64]:

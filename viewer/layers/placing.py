@@ -15,7 +15,12 @@ from ..scene import Arrows, Labels, Layer, Lines, Mesh, Points, Solids, Surface
 Array = NDArray[np.floating]
 Some = TypeVar("Some", bound=Layer)
 
-_POINTS = {Lines: "points", Points: "positions", Labels: "positions", Arrows: "origins"}
+_POINTS: dict[type[Layer], str] = {
+    Lines: "points",
+    Points: "positions",
+    Labels: "positions",
+    Arrows: "origins",
+}
 
 
 def placed(layer: Some, turn: Array, move: Array) -> Some:
@@ -34,6 +39,13 @@ def placed(layer: Some, turn: Array, move: Array) -> Some:
     if isinstance(layer, Arrows):
         moved["vectors"] = quat.rotate(turn, layer.vectors)
     return replace(layer, **moved)
+
+
+def extent(layer: Layer) -> Array:
+    """Points [P, 3] that lines, points, arrows or labels reach; none of other layers, and of hidden ones."""
+    name = _POINTS.get(type(layer)) if layer.visible else None
+    points = np.zeros((0, 3)) if name is None else np.asarray(getattr(layer, name), np.float64)
+    return np.concatenate([points, points + layer.vectors]) if isinstance(layer, Arrows) else points
 
 
 def put(layers: dict[str, Layer], name: str, layer: Layer) -> None:

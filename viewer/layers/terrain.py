@@ -17,6 +17,7 @@ from .moment import Moment
 GRASS = colour("#c9cfc2")
 CELL, MOST = 0.12, 260  # metres from point to point, at least; points along a side, at most
 MARGIN = 5.0  # metres around what is walked on
+AHEAD = 8.0  # metres that characters may go on a patch
 _LINE, _DARK = 0.5, 0.82  # metres of a square, and how much darker every other one is
 
 
@@ -54,4 +55,20 @@ def surface(ground: Ground, low: NDArray, high: NDArray) -> Surface:
             vertices.astype(np.float32), normals, triangles.astype(np.int32), shades.astype(np.float32)
         ),
         shadow=False,
+        shaded=True,
     )
+
+
+class Patch:
+    """As much of a ground as there is around characters who go on without an end."""
+
+    def __init__(self, ground: Ground) -> None:
+        self._ground, self._low, self._high = ground, np.full(2, np.inf), np.full(2, -np.inf)
+
+    def around(self, places: NDArray) -> Surface | None:
+        """The ground around places [N, 2]; None where they are still on that of before."""
+        places = places[np.isfinite(places).all(axis=-1)]
+        if ((places >= self._low) & (places <= self._high)).all():
+            return None
+        self._low, self._high = places.min(axis=0) - AHEAD, places.max(axis=0) + AHEAD
+        return surface(self._ground, self._low, self._high)

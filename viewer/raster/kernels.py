@@ -117,7 +117,39 @@ def visibility(places, triangles, two_sided, near, floor, depth, ids, low, high,
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _shaded(f, x, y, shares, triangles, vertices, normals, colours, eye, sun, sky, bounce):
+def _from_behind(f, triangles, vertices, eye):
+    """Whether the eye sees the back of a triangle."""
+    a, b, c = triangles[f, 0], triangles[f, 1], triangles[f, 2]
+    ux, uy, uz = (
+        vertices[b, 0] - vertices[a, 0],
+        vertices[b, 1] - vertices[a, 1],
+        vertices[b, 2] - vertices[a, 2],
+    )
+    vx, vy, vz = (
+        vertices[c, 0] - vertices[a, 0],
+        vertices[c, 1] - vertices[a, 1],
+        vertices[c, 2] - vertices[a, 2],
+    )
+    ex, ey, ez = eye[0] - vertices[a, 0], eye[1] - vertices[a, 1], eye[2] - vertices[a, 2]
+    return (uy * vz - uz * vy) * ex + (uz * vx - ux * vz) * ey + (ux * vy - uy * vx) * ez < 0
+
+
+@numba.njit(inline="always", cache=True)
+def _between(shadow, u, w):
+    """The shadow [rows, columns] at column u and row w, between its cells; none beyond its edges."""
+    if not (0 < u < shadow.shape[1] - 1 and 0 < w < shadow.shape[0] - 1):
+        return 0.0
+    i, j = int(u), int(w)
+    p, q = u - i, w - j
+    above = shadow[j, i] + p * (shadow[j, i + 1] - shadow[j, i])
+    below = shadow[j + 1, i] + p * (shadow[j + 1, i + 1] - shadow[j + 1, i])
+    return above + q * (below - above)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _shaded(
+    f, x, y, shares, triangles, vertices, normals, colours, shaded, eye, sun, sky, bounce, shadow, veil
+):
     """Colour of triangle f at a place in the picture (in samples)."""
     s0 = max(shares[f, 0, 0] * x + shares[f, 0, 1] * y + shares[f, 0, 2], 0.0)
     s1 = max(shares[f, 1, 0] * x + shares[f, 1, 1] * y + shares[f, 1, 2], 0.0)
@@ -135,8 +167,11 @@ def _shaded(f, x, y, shares, triangles, vertices, normals, colours, eye, sun, sk
     vx, vy, vz = vx * s, vy * s, vz * s
     s = 1 / max(math.sqrt(nx * nx + ny * ny + nz * nz), 1e-12)
     facing = (nx * vx + ny * vy + nz * vz) * s
-    if facing < 0:  # the back of an open surface
-        s, facing = -s, -facing
+    if facing < 0:  # the back of an open surface, or else the rim of a rounded one
+        if _from_behind(f, triangles, vertices, eye):
+            s, facing = -s, -facing
+        else:
+            facing = 0.0
     nx, ny, nz = nx * s, ny * s, nz * s
     toward = nx * sun[0] + ny * sun[1] + nz * sun[2]
     light = max((toward + 0.3) / 1.3, 0.0)
@@ -154,6 +189,13 @@ def _shaded(f, x, y, shares, triangles, vertices, normals, colours, eye, sun, sk
     r = r * (sun[3] * light + bounce[0] + (sky[0] - bounce[0]) * above) + add
     g = g * (sun[3] * light + bounce[1] + (sky[1] - bounce[1]) * above) + add
     b = b * (sun[3] * light + bounce[2] + (sky[2] - bounce[2]) * above) + add
+    if shaded[f]:
+        fall = py - veil[2]
+        u = (px + fall * veil[0] - veil[3]) * veil[5] - 0.5
+        w = (pz + fall * veil[1] - veil[4]) * veil[5] - 0.5
+        left = 1 - veil[6] * _between(shadow, u, w)
+        left = left * left
+        r, g, b = r * left, g * left, b * left
     return 255 * math.sqrt(min(r, 1.0)), 255 * math.sqrt(min(g, 1.0)), 255 * math.sqrt(min(b, 1.0))
 
 
@@ -171,12 +213,30 @@ def _same_surface(triangles, f, g):
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def shade(
-    image, ids, low, high, shares, triangles, vertices, normals, colours, opacities, eye, sun, sky, bounce
+    image,
+    ids,
+    low,
+    high,
+    shares,
+    triangles,
+    vertices,
+    normals,
+    colours,
+    opacities,
+    shaded,
+    eye,
+    sun,
+    sky,
+    bounce,
+    shadow,
+    veil,
 ):
     """Put what samples see over image uint8 [H, W, 3].
 
     colours [V, 3] are linear (squares of sRGB, nearly), opacities [F]; sun [4] is the unit direction to it
-    and its strength; sky and bounce [3] light from above and below.
+    and its strength; sky and bounce [3] light from above and below. shaded bool [F]: what shadows fall on;
+    shadow [rows, columns] is that on a level plane (see `cast`), veil [7] its slant [2], the plane's height,
+    the corner [2], cells a metre, and how dark it is. It falls along the light to above and below the plane.
     """
     seen, count = np.empty(4, np.int64), np.empty(4, np.int64)
     xs, ys = np.empty(4), np.empty(4)
@@ -211,8 +271,8 @@ def shade(
             for i in range(kinds):
                 f, n = seen[i], count[i]
                 cr, cg, cb = _shaded(
-                    f, xs[i] / n, ys[i] / n, shares, triangles, vertices, normals, colours,
-                    eye, sun, sky, bounce,
+                    f, xs[i] / n, ys[i] / n, shares, triangles, vertices, normals, colours, shaded,
+                    eye, sun, sky, bounce, shadow, veil,
                 )  # fmt: skip
                 weight = 0.25 * n * opacities[f]
                 r, g, b, share = r + weight * cr, g + weight * cg, b + weight * cb, share + weight
@@ -335,12 +395,7 @@ def _darken(dark, x0, dx, z0, dz, shadow, darkness):
         return
     for x in range(math.ceil(first), math.floor(last) + 1):
         u, w = x0 + x * dx, z0 + x * dz
-        i = min(max(int(u), 0), shadow.shape[1] - 2)
-        j = min(max(int(w), 0), shadow.shape[0] - 2)
-        p, q = u - i, w - j
-        above = shadow[j, i] + p * (shadow[j, i + 1] - shadow[j, i])
-        below = shadow[j + 1, i] + p * (shadow[j + 1, i + 1] - shadow[j + 1, i])
-        dark[x] = darkness * (above + q * (below - above))
+        dark[x] = darkness * _between(shadow, u, w)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=True)

@@ -66,10 +66,13 @@ def shade(
     normals: Array,
     colours: Array,
     opacities: Array,
+    shaded: Array,
     eye: Array,
     sun: Array,
     sky: Array,
     bounce: Array,
+    shadow: Array,
+    veil: Array,
 ) -> None:
     """See `kernels.shade`: here each sample is shaded by itself."""
     row, column = np.nonzero(ids != NONE)
@@ -81,12 +84,18 @@ def shade(
     view = _units(eye - at)
     normal = _units(normal)
     facing = np.sum(normal * view, axis=-1, keepdims=True)
-    normal, facing = np.where(facing < 0, -normal, normal), np.abs(facing)
+    a, b, c = np.moveaxis(vertices[triangles[f]], 1, 0)
+    behind = np.sum(np.cross(b - a, c - a) * (eye - a), axis=-1, keepdims=True) < 0
+    normal = np.where(behind & (facing < 0), -normal, normal)
+    facing = np.where(behind, np.abs(facing), np.maximum(facing, 0))
     light = np.maximum((normal @ sun[:3] + 0.3) / 1.3, 0)[:, None]
     above = 0.5 + 0.5 * normal[:, 1:2]
     gloss = 0.1 * np.maximum(np.sum(normal * _units(sun[:3] + view), axis=-1, keepdims=True), 0) ** 24
     edge = 0.1 * (1 - facing) ** 4 * above
     found = tint * (sun[3] * light + bounce + (sky - bounce) * above) + gloss + edge
+    spots = at[:, [0, 2]] + (at[:, 1:2] - veil[2]) * veil[:2] - veil[3:5]
+    under = _sampled(shadow, spots * veil[5] - 0.5)
+    found = found * np.where(shaded[f], 1 - veil[6] * under, 1)[:, None] ** 2
     found = 255 * np.sqrt(np.minimum(found, 1))
     samples = np.repeat(np.repeat(image, 2, axis=0), 2, axis=1).astype(np.float64)
     opacity = opacities[f][:, None]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -36,6 +36,21 @@ class _Geometry:
     triangles: NDArray[np.int32]
     two_sided: NDArray[np.bool_]
     opacities: Floats
+    shaded: NDArray[np.bool_]
+
+
+class _Shadow(NamedTuple):
+    """How dark a level plane is, 0 to 1 [rows of z, columns of x]: its corner, metres a cell, its height, and
+    how far, in x and z, the light moves while it falls by a metre."""
+
+    mask: Floats
+    corner: NDArray
+    texel: float
+    level: float
+    slant: NDArray
+
+
+_NONE = _Shadow(np.zeros((1, 1), np.float32), np.zeros(2), 1.0, 0.0, np.zeros(2))
 
 
 class Renderer:
@@ -64,15 +79,19 @@ class Renderer:
         shown = [layer for layer in scene.layers.values() if layer.visible]
         solid = self._geometry(layer for layer in shown if _opacity(layer) == 1)
         clear = self._geometry(layer for layer in shown if _opacity(layer) < 1)
-        self._background(image, scene, camera, [layer for layer in shown if getattr(layer, "shadow", False)])
+        shadow = _NONE
+        if scene.ground is not None or solid.shaded.any():
+            casters = self._geometry(layer for layer in shown if getattr(layer, "shadow", False))
+            shadow = self._shadow(scene, casters)
+        self._background(image, scene, camera, shadow)
         floor = self._floor(scene, camera)
-        self._meshes(image, solid, camera, scene, floor)
+        self._meshes(image, solid, camera, scene, floor, shadow)
         for layer in shown:
             if isinstance(layer, (Lines, Points)):
                 self._strokes(image, layer, camera, floor)
         if len(clear.triangles):
             # Their own samples: what is seen through them is the picture so far, not one another.
-            self._meshes(image, clear, camera, scene, floor)
+            self._meshes(image, clear, camera, scene, floor, shadow)
         for layer in shown:
             if isinstance(layer, Labels):
                 self._labels(image, layer, camera, scene.theme)
@@ -81,22 +100,25 @@ class Renderer:
 
     def _geometry(self, layers: Iterable[Layer]) -> _Geometry:
         """All triangles of layers that have any, in the world."""
-        found: list[tuple[Floats, Floats, Floats, NDArray[np.int32], bool, float]] = []
+        found: list[tuple[Floats, Floats, Floats, NDArray[np.int32], bool, float, bool]] = []
         for layer in layers:
             if isinstance(layer, Solids):
                 mesh, parts = self._model(layer)
                 for transforms in layer.transforms:
                     vertices, normals = np.empty_like(mesh.vertices), np.empty_like(mesh.normals)
                     self._loops.place(transforms, parts, mesh.vertices, mesh.normals, vertices, normals)
-                    found.append((vertices, normals, mesh.colours, mesh.triangles, False, layer.opacity))
+                    found.append(
+                        (vertices, normals, mesh.colours, mesh.triangles, False, layer.opacity, False)
+                    )
             elif isinstance(layer, (Surface, Arrows)):
-                mesh, sides = _mesh(layer), isinstance(layer, Surface) and layer.two_sided
-                found.append(
-                    (mesh.vertices, mesh.normals, mesh.colours**2, mesh.triangles, sides, _opacity(layer))
-                )
+                mesh = _mesh(layer)
+                sides, shaded = (getattr(layer, name, False) for name in ("two_sided", "shaded"))
+                of = mesh.vertices, mesh.normals, mesh.colours**2, mesh.triangles
+                found.append((*of, sides, _opacity(layer), shaded))
         if not found:
             none = np.zeros((0, 3), np.float32)
-            return _Geometry(none, none, none, none.astype(np.int32), none[:, 0] > 0, none[:, 0])
+            no = none[:, 0] > 0
+            return _Geometry(none, none, none, none.astype(np.int32), no, none[:, 0], no)
         firsts = np.cumsum([0, *(len(part[0]) for part in found)]).astype(np.int32)
         counts = [len(part[3]) for part in found]
         return _Geometry(
@@ -106,6 +128,7 @@ class Renderer:
             np.concatenate([part[3] + first for part, first in zip(found, firsts, strict=False)]),
             np.repeat([part[4] for part in found], counts),
             np.repeat(np.array([part[5] for part in found], np.float32), counts),
+            np.repeat([part[6] for part in found], counts),
         )
 
     def _model(self, layer: Solids) -> tuple[Mesh, NDArray]:
@@ -128,42 +151,54 @@ class Renderer:
             return np.zeros(len(rows), np.float32)
         return np.maximum(-fall / eye[1], 0).astype(np.float32)
 
-    def _background(self, image: NDArray, scene: Scene, camera: Camera, casters: list[Layer]) -> None:
+    def _background(self, image: NDArray, scene: Scene, camera: Camera, shadow: _Shadow) -> None:
         theme, ground = scene.theme, scene.ground
         colours = np.float32(255) * np.stack(
             [colour(c) for c in (theme.zenith, theme.horizon, theme.floor, theme.lines)]
         )
         grid = np.array([1.0, _LINE, 0, 0, 1], np.float32)
-        shadow, corner, texel = np.zeros((1, 1), np.float32), np.zeros(2), 1.0
         if ground is not None:
             grid = np.array([ground.spacing, _LINE, *ground.centre, ground.radius], np.float32)
-            shadow, corner, texel = self._shadow(scene, self._geometry(casters))
         self._loops.background(
             *(image, camera.position, axes(camera), focal(camera, self.height), ground is not None),
-            *(grid, colours, shadow, corner, texel, scene.sun.shadow),
+            *(grid, colours, shadow.mask, shadow.corner, shadow.texel, scene.sun.shadow),
         )
 
-    def _shadow(self, scene: Scene, casters: _Geometry) -> tuple[Floats, NDArray, float]:
-        """Where the ground is shaded, 0 to 1 [rows of z, columns of x]; its corner; metres a cell."""
+    def _shadow(self, scene: Scene, casters: _Geometry) -> _Shadow:
+        """The shadow on the level ground, or on a plane as high as the lowest of those who cast it."""
         x, y, z = scene.sun.direction
-        slant = np.array([-x / y, -z / y])
-        reached = casters.vertices[:, [0, 2]] + np.maximum(casters.vertices[:, 1:2], 0) * slant
+        slant, vertices = np.array([-x / y, -z / y]), casters.vertices
+        level = 0.0
+        if scene.ground is None:
+            level = float(
+                np.nanmin(np.where(np.isfinite(vertices[:, 1]), vertices[:, 1], np.nan), initial=0.0)
+            )
+            vertices = vertices - np.array([0, level, 0], np.float32)
+        reached = vertices[:, [0, 2]] + np.maximum(vertices[:, 1:2], 0) * slant
         reached = reached[np.isfinite(reached).all(axis=1)]
         if not len(reached):
-            return np.zeros((1, 1), np.float32), np.zeros(2), 1.0
+            return _NONE
         low, high = reached.min(axis=0), reached.max(axis=0)
         texel = max(_TEXEL, float(np.sqrt(np.prod(high - low + 8 * _SOFT) / _MOST)))
         reach = max(1, round(_SOFT / texel))
         corner = low - (3 * reach + 2) * texel
         columns, rows = np.ceil((high - corner) / texel).astype(int) + 3 * reach + 2
         mask, turned = np.zeros((rows, columns), np.float32), np.empty((columns, rows), np.float32)
-        self._loops.cast(casters.vertices, casters.triangles, slant, corner, texel, mask)
+        self._loops.cast(vertices, casters.triangles, slant, corner, texel, mask)
         for _ in range(2):
             self._loops.blur(mask, reach, turned)
             self._loops.blur(turned, reach, mask)
-        return mask, corner, texel
+        return _Shadow(mask, corner, texel, level, slant)
 
-    def _meshes(self, image: NDArray, what: _Geometry, camera: Camera, scene: Scene, floor: Floats) -> None:
+    def _meshes(
+        self,
+        image: NDArray,
+        what: _Geometry,
+        camera: Camera,
+        scene: Scene,
+        floor: Floats,
+        shadow: _Shadow,
+    ) -> None:
         if not len(what.triangles):
             return
         places = np.empty((len(what.vertices), 3))
@@ -178,9 +213,13 @@ class Renderer:
         )
         sun = np.array(scene.sun.direction, np.float64)
         light = np.append(sun / np.linalg.norm(sun), _SUN)
+        veil = np.array(
+            [*shadow.slant, shadow.level, *shadow.corner, 1 / shadow.texel, scene.sun.shadow], np.float64
+        )
         self._loops.shade(
             *(image, ids, low, high, shares, what.triangles, what.vertices, what.normals),
-            *(what.colours, what.opacities, camera.position, light, np.array(_SKY), np.array(_BOUNCE)),
+            *(what.colours, what.opacities, what.shaded, camera.position, light),
+            *(np.array(_SKY), np.array(_BOUNCE), shadow.mask, veil),
         )
 
     def _strokes(self, image: NDArray, layer: Lines | Points, camera: Camera, floor: Floats) -> None:
