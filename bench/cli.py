@@ -28,10 +28,18 @@ def main() -> None:
 
 @main.command(epilog="Example: python -m bench crowd walk.mmdb --counts 1,256,1024")
 @click.argument("db", type=click.Path())
-@click.option("--counts", type=Listed(int), default="1,16,256,1024", show_default=True, help="Characters.")
+@click.option(
+    "--counts", type=Listed(int), default="1,16,256,1024,4096", show_default=True, help="Characters."
+)
 @click.option("--index", default="exact", show_default=True, help="Search index.")
 @MODELS
-@click.option("--seconds", type=console.SECONDS, default=5.0, show_default=True, help="Of each run.")
+@click.option(
+    "--seconds",
+    type=console.SECONDS,
+    default=5.0,
+    show_default=True,
+    help="Of each run; less of large crowds.",
+)
 @console.json_option
 def crowd(
     db: str, counts: tuple[int, ...], index: str, models: tuple[str, ...], seconds: float, as_json: bool

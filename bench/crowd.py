@@ -36,12 +36,13 @@ NEVER = 1e6  # seconds between searches, metres a second per second: none but at
 COUNTS = (1, 16, 256, 1024, 4096)
 # Frames of large crowds are many characters' each: so many characters' frames in all, but some searches.
 SHARED_FRAMES, FEWEST, WARM = 60_000, 24, 3
+MOST_FRAMES = 300_000  # of all characters together, of which `measure` takes stages and searches apart
 
 
 def measure(
     database: Database,
     *,
-    counts: Sequence[int] = (1, 16, 256, 1024),
+    counts: Sequence[int] = COUNTS,
     index: str = "exact",
     models: Mapping[str, AnyModel] | None = None,
     seconds: float = 5.0,
@@ -58,16 +59,16 @@ def measure(
     every 0.1 s and when the command changes abruptly; p99_us: 99th percentile of the frames; no_search_us:
     median of frames without any search, None of systems that never search; then the mean of each stage with
     search. Of each frame the least of
-    repeats runs counts, since each run does the same again.
+    repeats runs counts, since each run does the same again. seconds are of a run, or less of large crowds.
     """
     if not counts or min(counts) < 1:
         raise UserError(f"counts {list(counts)}", remedy="give numbers of at least 1, as 1,16,256")
     systems = _systems(database, index, models or {}, locked=without_legs(database) is None)
     course = at_data_speeds(courses.load("random"), database)
-    frames = max(2, round(seconds * database.fps))
     jobs = [(name, count) for name in systems for count in counts]
     rows = []
     for name, count in console.progress(jobs, label="crowd", unit="crowds") if progress else jobs:
+        frames = max(2, min(round(seconds * database.fps), MOST_FRAMES // count))
         with_search, *without = (cost(make(count=count), course, frames, repeats) for make in systems[name])
         each = 1e6 / count
         rows.append(

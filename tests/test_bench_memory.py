@@ -220,7 +220,7 @@ def test_the_report_is_a_table_a_plot_and_a_page(report, folder):
     )
     assert rows["error"].tolist() == ["decoded"] * 6 + ["one step"] * 3
     assert rows["pose_cm"].notna().all() and rows["pose_held_cm"].notna().all()
-    assert rows["drift_cm"].notna().sum() == 2
+    assert rows["drift_cm"].notna().sum() == rows["drift_held_cm"].notna().sum() == 2
     assert rows["pose_cm"]["lmm-PSD"] < rows["drift_cm"]["lmm-PSD"]
     assert rows["front"]["mm-exact"] and not rows["front"][["pfnn-cubic", f"mm-exact-{CODEC}"]].any()
     assert (rows[["frame_bytes_2", "blocks_2"]] > 0).all(axis=None)

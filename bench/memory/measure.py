@@ -85,7 +85,7 @@ def measure(
         frame_bytes_N, search_bytes_N, blocks_N, kept_bytes_N : see `allocations`, of N characters.
         pose_cm and so on : see `bench.pose_error`; of networks of locomotion the same after one step from a
             true frame, which is harder, as error says ("decoded" or "one step").
-        drift_cm : joints after 10 frames of the Stepper's own, on training clips.
+        drift_cm, drift_held_cm : joints after 10 frames of the Stepper's own, on training and held-out clips.
         front, front_held : whether nothing smaller decodes poses better, on training and held-out clips.
     """
     models = dict(models or {})
@@ -187,7 +187,7 @@ class _Steps:
         self._database, self._models = database, models
         self._truths: dict[str, Any] = {}
         self._latents: dict[str, Any] = {}
-        self._drifts: dict[tuple[str, str | None], float] = {}
+        self._drifts: dict[tuple[str, str | None], dict[str, float]] = {}
 
     def allocated(self, entry: Entry, counts: Sequence[int]) -> dict[str, float]:
         """frame_bytes_N, search_bytes_N, blocks_N and kept_bytes_N."""
@@ -216,7 +216,8 @@ class _Steps:
         }
 
     def drift(self, entry: Entry, held: set[str]) -> dict[str, float]:
-        """drift_cm, where the Stepper is learned, its products are float32, and true latents are known."""
+        """drift_cm, and drift_held_cm where clips are held out, if the Stepper is learned, its products are
+        float32, and true latents are known."""
         from lmm.evaluation import stepper
         from lmm.model import Model
         from lmm.models import with_weights
@@ -231,14 +232,12 @@ class _Steps:
             self._latents[entry.source] = model.latents(self._database)
         if key not in self._drifts:
             database, latents = self._database, self._latents[entry.source]
-            trained = ~np.isin(database.names, list(held))
-            found = stepper.drift(
-                as_held,
-                database,
-                latents,
-                steps=DRIFT_STEPS,
-                starts=DRIFT_STARTS,
-                ranges=trained,
-            )
-            self._drifts[key] = next(row["joints_cm"] for row in found.table() if row["steps"] == DRIFT_STEPS)
-        return {"drift_cm": self._drifts[key]}
+            unseen, out = np.isin(database.names, list(held)), self._drifts.setdefault(key, {})
+            for name, ranges in (("drift_cm", ~unseen), ("drift_held_cm", unseen)):
+                if ranges.any():
+                    found = stepper.drift(
+                        as_held, database, latents, steps=DRIFT_STEPS, starts=DRIFT_STARTS, ranges=ranges
+                    )
+                    row = next(row for row in found.table() if row["steps"] == DRIFT_STEPS)
+                    out[name] = row["joints_cm"]
+        return self._drifts[key]

@@ -34,6 +34,7 @@ COLUMNS = (
     ("pose_cm_s", "cm/s", 1, "mean difference of the joints' velocities"),
     ("pose_held_cm", "held-out cm", 3, "joints of clips that no model was trained on"),
     ("drift_cm", "drift cm", 2, "joints after ten frames that the Stepper makes of its own, training clips"),
+    ("drift_held_cm", "held-out drift cm", 2, "the same on clips that no model was trained on"),
 )
 ALLOCATED = (
     ("frame_bytes_{n}", "frame B, {n}", 0, "bytes of temporaries of a frame of {n} characters"),
