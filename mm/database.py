@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import shlex
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +17,15 @@ from motion.pose import Poses
 from motion.skeleton import Skeleton
 
 KIND, VERSION = "motion database", 1
+
+
+def _refuse_clips(path: str | os.PathLike[str]) -> None:
+    """A UserError that says how to build a database, where path is what one is built from."""
+    from motion.sources import FORMATS
+
+    if files.kind(path) == "folder" or (files.kind(path) and Path(path).suffix.lower() in FORMATS):
+        remedy = f"build a database of it: python -m mm build {shlex.quote(os.fspath(path))} -o walk.mmdb"
+        raise UserError("clips, expected a motion database", path=path, remedy=remedy)
 
 
 @dataclass(eq=False, repr=False)
@@ -109,8 +120,15 @@ class Database:
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> Database:
-        """Read a database, memory-mapped and read-only. Errors: see `motion.files.load`."""
-        metadata, arrays, fingerprint = files.load(path, KIND, VERSION)
+        """Read a database, memory-mapped and read-only.
+
+        Clips that no database was built from yet are a UserError. Others: see `motion.files.load`.
+        """
+        try:
+            metadata, arrays, fingerprint = files.load(path, KIND, VERSION)
+        except UserError:
+            _refuse_clips(path)
+            raise
         with files.content_of(path, KIND):
             database = Database(
                 skeleton=Skeleton.from_json(metadata["skeleton"]),

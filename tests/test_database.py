@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -114,6 +115,18 @@ def test_damage_and_another_version_are_refused(tmp_path: Path) -> None:
     files.save(path, "recording", 1, {}, {})
     with pytest.raises(UserError, match="a recording, expected a motion database"):
         Database.load(path)
+
+
+@pytest.mark.parametrize("name", ["my clips", "walk.bvh", "hero.GLB"])
+def test_who_gives_clips_is_told_how_to_build_a_database(tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    if "." in name:
+        path.write_text("HIERARCHY")
+    else:
+        path.mkdir()
+    with pytest.raises(UserError, match="expected a motion database") as error:
+        Database.load(path)
+    assert f"mm build {shlex.quote(str(path))} -o" in str(error.value)
 
 
 CHANGES = {
