@@ -307,6 +307,18 @@ def test_an_output_that_cannot_be_made_is_refused_before_and_at_writing() -> Non
             pytest.fail("there is nothing to write to")
 
 
+def test_a_file_is_on_the_disk_before_it_takes_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    done: list[str] = []
+    replace = os.replace
+    monkeypatch.setattr(os, "fsync", lambda file: done.append(f"{os.fstat(file).st_size} bytes"))
+    monkeypatch.setattr(os, "replace", lambda *paths: (done.append("name"), replace(*paths)))
+    with files.atomic(tmp_path / "file") as stream:
+        stream.write(b"all of it")
+    assert done == ["9 bytes", "name"] and (tmp_path / "file").read_bytes() == b"all of it"
+
+
 def test_only_errors_about_other_files_pass_through_a_write(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError), files.atomic(tmp_path / "new" / "out"):
         open(tmp_path / "absent").close()

@@ -42,7 +42,8 @@ def test_they_reproduce_the_poses(database):
     from lmm.evaluation import decompressor
 
     model = Model.load("dancecard")
-    found = decompressor.errors(model, database, model.latents(database))
+    some = np.arange(len(database.starts)) % 3 == 0
+    found = decompressor.errors(model, database, ranges=some)
     assert found["position_cm"]["mean"] < 1.0, REMAKE
 
 
