@@ -224,7 +224,7 @@ def test_the_report_is_a_table_a_plot_and_a_page(report, folder):
     assert rows["pose_cm"]["lmm-PSD"] < rows["drift_cm"]["lmm-PSD"]
     assert rows["front"]["mm-exact"] and not rows["front"][["pfnn-cubic", f"mm-exact-{CODEC}"]].any()
     assert (rows[["frame_bytes_2", "blocks_2"]] > 0).all(axis=None)
-    assert shown.count("*") > 2 and "as in the data mm-exact (" in shown
+    assert shown.count("*") > 2 and "poses are the data's own: mm-exact, " in shown
     text = (out / "report.html").read_text()
     page_html.check(text)
     assert "O3DE" in text and "lmm-PSD-int8" in text
@@ -242,9 +242,9 @@ def test_the_smallest_within_each_error_is_named():
         }
     )
     assert page.smallest(rows, "pose_cm") == [
-        "as in the data raw (10 MB)",
-        "within 0.05 cm half (5 MB)",
-        "within 0.5 cm small (2 MB)",
+        "the data's own: raw, 10 MB",
+        "within 0.05 cm: half, 5 MB",
+        "within 0.5 cm: small, 2 MB",
     ]
 
 

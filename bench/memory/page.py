@@ -14,6 +14,7 @@ from bench.tables import plain, written
 from motion import figures, files
 
 from . import plots, resident
+from .allocations import FRAMES
 from .measure import Memory
 
 # Column, title, digits after the point, what it is; `{n}` stands for a number of characters.
@@ -102,16 +103,25 @@ def facts(memory: Memory) -> list[str]:
     rows, out = memory.systems, []
     for _, column, _ in (panel for panel in plots.PANELS if panel[2] in rows):
         words = smallest(rows, column)
-        where = " on clips that were held out" if column != "pose_cm" else ""
-        out += [f"The smallest by the error of its poses{where}: {'; '.join(words)}."] * bool(words)
+        of = (
+            "On clips that were held out these are" if column != "pose_cm" else "The smallest whose poses are"
+        )
+        out += [f"{of} {'; '.join(words)}."] * bool(words)
     drifting = rows[rows["drift_cm"].notna()] if "drift_cm" in rows else rows[:0]
     if len(drifting):
         row = drifting.iloc[0]
         states = f"true states {row['pose_cm']:.2g} cm off, those that it made itself for ten frames"
         out.append(f"{row['system']} decodes {states} {row['drift_cm']:.2g} cm, on average.")
     if "frame_bytes_1" in rows:
-        least, most = rows["frame_bytes_1"].min(), rows["frame_bytes_1"].max()
-        out.append(f"A frame of one character makes temporaries of {least:,.0f} to {most:,.0f} bytes.")
+        least, most, kept = (
+            rows["frame_bytes_1"].min(),
+            rows["frame_bytes_1"].max(),
+            rows["kept_bytes_1"].max(),
+        )
+        out.append(
+            f"A frame of one character makes temporaries of {least:,.0f} to {most:,.0f} bytes, and all "
+            f"{FRAMES} that were watched together leave at most {kept:,.0f} bytes behind."
+        )
     return out
 
 
@@ -124,8 +134,8 @@ def smallest(rows: pd.DataFrame, column: str) -> list[str]:
         if len(fitting):
             best = fitting.sort_values("memory_mb").iloc[0]
             if best["system"] != last:
-                within = f"within {bound:g} cm" if bound else "as in the data"
-                words.append(f"{within} {best['system']} ({best['memory_mb']:.3g} MB)")
+                within = f"within {bound:g} cm" if bound else "the data's own"
+                words.append(f"{within}: {best['system']}, {best['memory_mb']:.3g} MB")
             last = best["system"]
     return words
 
