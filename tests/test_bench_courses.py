@@ -20,9 +20,8 @@ from motion import config
 
 
 @pytest.fixture(scope="module")
-def folder(walker_files, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("courses")
-    database = build.build([walker_files], jobs=1)
+def folder(walker_database, tmp_path_factory):
+    folder, database = tmp_path_factory.mktemp("courses"), walker_database
     database.save(folder / "walker.mmdb")
     linear_models.fitted(database).save(folder / "walker.lmm")
     config.dump(Course(velocity=(VelocityKey(time=0, velocity=(0, 1)),), seconds=1), folder / "ahead.toml")

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from mm.build import build
 from mm.codecs import kernels, kernels_numpy, smallest_three
 from mm.codecs.codec import parse
 from mm.codecs.encode import encode
@@ -24,9 +22,9 @@ CODECS = (
 
 
 @pytest.fixture(scope="module")
-def database(walker_files: Path) -> Database:
+def database(walker_database: Database) -> Database:
     """Ranges of every length that the ends of ranges care about, and longer ones."""
-    whole = build([walker_files], jobs=1)
+    whole = walker_database
     lengths = (1, 2, 3, 4, 5, 6, 79, 200)
     stops = np.cumsum(lengths).astype(np.int32)
     starts = (stops - lengths).astype(np.int32)

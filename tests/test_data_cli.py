@@ -21,9 +21,8 @@ QUICK = ("--courses", "circle", "--seconds", "2")
 
 
 @pytest.fixture(scope="module")
-def folder(walker_files, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("data")
-    database = build([walker_files], jobs=1)
+def folder(walker_files, walker_database, tmp_path_factory):
+    folder, database = tmp_path_factory.mktemp("data"), walker_database
     database.save(folder / "walker.mmdb")
     record(Controller(database), courses.load("circle"), seconds=3).save(folder / "run.rec")
     build([walker_files / "run.bvh"], jobs=1).save(folder / "other.mmdb")

@@ -13,7 +13,6 @@ from bench.data.clips import Clips
 from bench.data.glitches import Bounds
 from features import normalise
 from mm import courses, quality
-from mm.build import build
 from mm.controller import Controller
 from mm.quality import Feet
 from mm.recording import record
@@ -23,10 +22,8 @@ FAR = Bounds(cost=1e9, pop_cm=1e9, slip_cm=1e9)
 
 
 @pytest.fixture(scope="module")
-def database(walker_files, tmp_path_factory):
-    found = build([walker_files], jobs=1)
-    found.save(tmp_path_factory.mktemp("db") / "walker.mmdb")  # gives it its fingerprint
-    return found
+def database(walker_database):
+    return walker_database
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,6 @@ import pytest
 from features import terrain, terrain_made
 from lmm.pfnn.controller import PhaseController
 from mm import courses
-from mm.build import build
 from mm.control import Command
 from mm.controller import Controller
 from mm.description import Description
@@ -26,8 +25,8 @@ HILLS = terrain_made.make(4, "hills", size=(30, 30))
 
 
 @pytest.fixture(scope="module")
-def database(walker_files):
-    return build([walker_files], jobs=1)
+def database(walker_database):
+    return walker_database
 
 
 def ahead(count: int) -> Command:

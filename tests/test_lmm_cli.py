@@ -334,7 +334,8 @@ def test_databases_that_cannot_be_trained_on(db: Path, tmp_path: Path) -> None:
 def test_training_on_all_of_one_clip_and_again(db: Path, tmp_path: Path) -> None:
     pytest.importorskip("torch", reason="training needs torch: pip install 'motion-matching[train]'")
     out, own = tmp_path / "walk.lmm", tmp_path / "own.toml"
-    sizes = "\n".join(f"[{name}]\nhidden = [8]\niterations = 2\nbatch = 4" for name in STAGES)
+    stages = (*STAGES, "closed_loop")
+    sizes = "\n".join(f"[{name}]\nhidden = [8]\niterations = 2\nbatch = 4" for name in stages)
     own.write_text(f"latent = 4\ncompressor = [8]\n{sizes}\n")
     options = ["--preset", "smoke", "--config", own, "--held-out", 0, "--threads", 1]
     result = _lmm("train", db, "-o", out, *options)

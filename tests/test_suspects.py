@@ -15,8 +15,8 @@ def clip(walker_files):
     return sources.load(walker_files / "straight.bvh")
 
 
-def test_sound_clips_get_no_remark(walker_files):
-    assert suspects.contacts(build(walker_files, jobs=1)) == []
+def test_sound_clips_get_no_remark(walker_database):
+    assert suspects.contacts(walker_database) == []
 
 
 def test_moving_without_touching_the_ground(clip, tmp_path):
