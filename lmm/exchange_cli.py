@@ -37,7 +37,7 @@ DB = click.option("--db", type=click.Path(), metavar="DB", help="Database that t
 )
 @DB
 def export(model: str, form: str, output: str, db: str | None) -> None:
-    """Write a model's networks for other programs.
+    """Write the networks of a learned motion matching model for other programs.
 
     \b
     reference  decompressor.bin, stepper.bin, projector.bin as the public reference
@@ -157,10 +157,12 @@ def import_(directory: str, db: str | None, animations: str | None, output: str)
 def convert(
     model: str, output: str, weights: Any, without_compressor: bool, db: str | None, as_json: bool
 ) -> None:
-    """Store a model's weights in another type; tells bytes saved and, with --db, accuracy lost.
+    """Store the weights of a learned motion matching model in another type; tells what that saves and loses.
 
     int8 has a scale for each output of a layer. The compressor, which no character needs at run time, becomes
     float16 then.
+
+    Other networks are stored as they were trained; `run --weights` converts them when it loads them.
 
     With --db errors of poses, in cm and degrees, are measured on training clips and on held-out clips, for
     the model before and after. stepper_change and projector_change tell how much the answers of these

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
+from mm.database import KIND as DATABASE
 from motion import files
 from motion.errors import UserError
 
@@ -54,6 +55,8 @@ def load(path: str | os.PathLike[str]) -> AnyModel:
         what = "no model" if found is None else f"a {found}, no model"
         ships = ", ".join(pretrained.names())
         remedy = f"train one, or name one that ships ({ships})"
+        if found == DATABASE:
+            remedy = "train one of it (python -m lmm train), or drive it as it is (python -m mm run)"
         raise UserError(f"{what} of any kind that `lmm train` makes", path=path, remedy=remedy)
     return TYPES[FORMATS[found]].load(path)
 

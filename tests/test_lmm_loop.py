@@ -305,7 +305,7 @@ def test_other_clips_held_out_do_not_go_on(whole: Path, tmp_path: Path) -> None:
         _train(output, stages, EACH, held_out=("a", "b"))
     for others in ((), ("a",), ("a", "c")):
         with pytest.raises(
-            UserError, match=r"checkpoint: of other clips held out, .*; go on as it was begun"
+            UserError, match=r"checkpoint: a training of other clips held out, .*; go on as it was begun"
         ):
             _train(output, _stages(), resume=True, held_out=others)
     _train(output, _stages(), resume=True, held_out=("b", "a"))

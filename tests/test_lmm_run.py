@@ -151,6 +151,7 @@ def test_faults_are_one_line(folder, arguments, message):
 def test_what_is_no_model_is_refused(folder, tmp_path):
     result = lmm("run", folder / "walker.mmdb", "--course", "still", code=2)
     assert "no model of any kind that `lmm train` makes" in result.stderr
+    assert "drive it as it is (python -m mm run)" in result.stderr
     assert "No such file" in lmm("run", tmp_path / "none", "--course", "still", code=2).stderr
 
 

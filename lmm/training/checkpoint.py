@@ -92,19 +92,19 @@ class Checkpoint:
         """A UserError that names what differs from how the training was begun."""
         anew = "or remove the file to begin anew"
         if self.database != database:
-            what = f"of another database ({self.database[:8]}, this is {database[:8]})"
+            what = f"a training of another database ({self.database[:8]}, this is {database[:8]})"
             raise UserError(what, path=path, remedy=f"give the one it was begun with, {anew}")
         told = differences(self.settings, settings)
         told = {name: both for name, both in told.items() if name not in FREE}
         if told:
-            what = f"of other settings: {_listed(told)}"
+            what = f"a training of other settings: {_listed(told)}"
             raise UserError(what, path=path, remedy=f"give those it was begun with, {anew}")
         told = differences(self.machine, machine)
         if told:
-            what = f"of another machine or version: {_listed(told)}"
+            what = f"a training of another machine or version: {_listed(told)}"
             raise UserError(what, path=path, remedy=f"go on as it was begun, {anew}")
         if self.held_out is not None and sorted(self.held_out) != sorted(held_out):
-            what = "of other clips held out, which this version of the program chooses otherwise"
+            what = "a training of other clips held out, which this version of the program chooses otherwise"
             raise UserError(what, path=path, remedy=f"go on as it was begun, {anew}")
 
 
