@@ -256,9 +256,9 @@ def logarithmic(axes: Any, which: str) -> None:
         axis = getattr(axes, f"{letter}axis")
         low, high = axis.get_view_interval()
         # All tens, and of few of them what lies between.
-        span = high / low
-        between = (1, 1.5, 2, 3, 4, 5, 6, 8) if span < 3 else (1, 2, 3, 5) if span < 12 else (1, 2, 5)
-        between = between if span < 500 else (1,)
+        between: tuple[float, ...] = (1,)
+        for span, these in ((500, (1, 2, 5)), (12, (1, 2, 3, 5)), (3, (1, 1.5, 2, 3, 4, 5, 6, 8))):
+            between = these if high < span * low else between
         axis.set_major_locator(LogLocator(subs=between, numticks=20))
         axis.set_major_formatter("{x:g}")
         axis.set_minor_locator(NullLocator())

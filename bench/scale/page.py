@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -76,9 +77,14 @@ def exponents(found: Scale) -> list[dict[str, Any]]:
     for fit in found.fits.to_dict("records"):
         row = rows.setdefault(fit["of"], {"of": fit["of"]} | dict.fromkeys(quantities))
         if math.isfinite(fit["exponent"]):
-            half = f" ± {fit['ci95']:.2f}" if math.isfinite(fit["ci95"]) else ""
-            row[fit["quantity"]] = f"{fit['exponent']:.2f}{half}"
+            row[fit["quantity"]] = _power(fit)
     return list(rows.values())
+
+
+def _power(fit: Mapping[str, Any]) -> str:
+    """An exponent and half of its 95 % interval, where that is known."""
+    half = f" ± {fit['ci95']:.2f}" if math.isfinite(fit["ci95"]) else ""
+    return f"{fit['exponent']:.2f}{half}"
 
 
 def facts(found: Scale) -> list[str]:
@@ -98,8 +104,8 @@ def facts(found: Scale) -> list[str]:
     if len(searched):
         slow, fast = searched.loc[searched["exponent"].idxmax()], searched.loc[searched["exponent"].idxmin()]
         out.append(
-            f"Of these, a search's time grows with the minutes to the power of {fast['exponent']:.2f} by "
-            f"{fast['of']}, the least, and of {slow['exponent']:.2f} by {slow['of']}, the most."
+            "Of these, a search's time grows with the minutes to the power of "
+            f"{_power(fast)} by {fast['of']}, the least, and of {_power(slow)} by {slow['of']}, the most."
         )
     for column, what in (("unseen_cm", "Unseen poses come closer"), ("found_cm", "Futures are met better")):
         own = found.systems.dropna(subset=[column])
