@@ -180,7 +180,10 @@ def compare(
     if as_json:
         console.print_json(tables.to_json(result, command=command))
     else:
-        console.print_table(report.brief(result.summary), title=f"{name}: means over {len(loaded)} courses")
+        console.print_table(
+            report.brief(result.summary),
+            title=f"{name}: means over {len(loaded)} course{'s' * (len(loaded) != 1)}",
+        )
         for line in result.notes:
             print(f"note: {line}")
         print(f"\n{result.verdict.paragraph}")

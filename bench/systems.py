@@ -139,8 +139,10 @@ def choose(
         if not fitting and _lacks_model(pattern, models or {}):
             raise UserError(f"no system {pattern!r} without a model", remedy="give one that lmm train wrote")
         if not fitting:
-            names = ", ".join(e.name for e in known)
-            raise UserError(f"no system {pattern!r}", remedy=f"choose from {names}")
+            names = [e.name for e in known]
+            held = [n for n in names if not (n.endswith("-free") and n.removesuffix("-free") in names)]
+            remedy = f"choose from {', '.join(held)}{', or those names and -free' * (held != names)}"
+            raise UserError(f"no system {pattern!r}", remedy=remedy)
         chosen += fitting
     return [e for e in known if e in chosen]
 

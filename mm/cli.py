@@ -91,19 +91,17 @@ def build(sources: tuple[str, ...], output: str, as_json: bool, **chosen: Any) -
 @console.json_option
 def info(db: str, as_json: bool) -> None:
     """Describe a database, or a compressed one."""
-    from motion import files
-
     from . import summary
-    from .codecs import compressed
     from .codecs import summary as coded
     from .database import Database
+    from .run import load
 
-    if files.format_of(db) == compressed.KIND:
-        small = compressed.Compressed.load(db)
-        facts = summary.describe(small.decoded(), db) | coded.describe(small, db)
-        show = coded.show_with_database
+    data = load(db)
+    if isinstance(data, Database):
+        facts, show = summary.describe(data, db), summary.show
     else:
-        facts, show = summary.describe(Database.load(db), db), summary.show
+        facts = summary.describe(data.decoded(), db) | coded.describe(data, db)
+        show = coded.show_with_database
     if as_json:
         console.print_json(facts)
     else:

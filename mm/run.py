@@ -48,8 +48,8 @@ def load(path: str) -> Database | Compressed:
     from .codecs import compressed
     from .database import Database
 
-    kind = compressed.Compressed if files.format_of(path) == compressed.KIND else Database
-    return kind.load(path)
+    small = files.kind(path) == "file" and files.format_of(path) == compressed.KIND
+    return (compressed.Compressed if small else Database).load(path)
 
 
 def of_data(data: Database | Compressed, index: str = "exact") -> runs.Driven:

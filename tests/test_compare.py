@@ -318,7 +318,9 @@ def test_registered_systems_are_chosen_by_name_family_and_pattern(monkeypatch):
         "mm-brute-free",
         "lmm-small",
     ]
-    with pytest.raises(UserError, match=r"no system 'gnn'; choose from .*mm-brute, .*lmm-small"):
+    with pytest.raises(
+        UserError, match=r"no system 'gnn'; choose from mm-brute, mm-aabb, .*lmm-small.* -free"
+    ):
         systems.choose(["gnn"])
     with pytest.raises(UserError, match="no search index 'nope'; choose from brute"):
         systems.choose(None, indexes=["nope"])

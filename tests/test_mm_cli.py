@@ -97,6 +97,12 @@ def test_the_rules_in_the_help_are_a_file_of_rules(tmp_path: Path) -> None:
     assert all(field.name in keys for field in dataclasses.fields(facts.Rule) if field.name != "files")
 
 
+@pytest.mark.parametrize("command", [("info",), ("run", "--course", "circle")])
+def test_a_folder_of_clips_is_no_database(command: tuple[str, ...], db: Path) -> None:
+    name, *options = command
+    assert "expected a motion database; build a database of it" in _fails(name, db.parent, *options)
+
+
 def test_info(db: Path) -> None:
     facts = json.loads(_mm("info", db, "--json").stdout)
     assert facts["clips"] == 5 and facts["mirrored"] == 5 and facts["frames"] == 3000 and facts["fps"] == 60
