@@ -11,14 +11,11 @@ from click.testing import CliRunner
 
 from bench.cli import main
 from features import terrain, terrain_made
-from mm.build import build
 
 
 @pytest.fixture(scope="module")
-def db(walker_files, tmp_path_factory):
-    path = tmp_path_factory.mktemp("bench") / "walker.mmdb"
-    build([walker_files], jobs=1).save(path)
-    return path
+def db(walker_mmdb):
+    return walker_mmdb
 
 
 def bench(*arguments, code=0):

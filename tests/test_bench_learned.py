@@ -24,10 +24,8 @@ IN_CROWDS = ["mm-brute", "lmm-PSD", *(["lmm-PSD-bf16"] if "bfloat16" in products
 
 
 @pytest.fixture(scope="module")
-def database(walker_files, tmp_path_factory):
-    database = build([walker_files], jobs=1)
-    database.save(tmp_path_factory.mktemp("learned") / "walker.mmdb")
-    return database
+def database(walker_database):
+    return walker_database
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +53,7 @@ def rows(compared):
 def test_all_mixtures_are_rows_of_one_family(compared, rows, model):
     names = ["mm-exact", "mm-exact-free", *(f"lmm-{letters}" for letters in MIXTURES)]
     assert rows.index.tolist()[1:] == names
-    assert not compared.notes[1:]
+    assert not [note for note in compared.notes[1:] if "the machine did other things" not in note]
     assert {entry.family for entry in systems.learned({"lmm": model})} == {"lmm"}
     about = {entry.name: entry.about for entry in systems.learned({"lmm": model})}
     assert about["lmm-SD"] == "stepping and decompression by networks"

@@ -23,10 +23,8 @@ from motion.skeleton import Skeleton
 
 
 @pytest.fixture(scope="module")
-def db(walker_files, tmp_path_factory):
-    path = tmp_path_factory.mktemp("run") / "walker.mmdb"
-    build([walker_files], jobs=1).save(path)
-    return path
+def db(walker_mmdb):
+    return walker_mmdb
 
 
 def mm(*arguments, code=0):
