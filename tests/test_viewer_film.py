@@ -1,7 +1,11 @@
 from __future__ import annotations
 
+import contextlib
+import errno
+import io
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -72,6 +76,45 @@ def test_a_film_that_breaks_off_leaves_nothing(tmp_path: Path) -> None:
             with pytest.raises(RuntimeError, match="third"):
                 film.write(tmp_path / name, broken())
     assert list(tmp_path.iterdir()) == []
+
+
+class Full(io.BytesIO):
+    """A file on a disk that is full after some bytes."""
+
+    def write(self, data: Any) -> int:
+        if self.tell() + len(data) > 500:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return super().write(data)
+
+
+@pytest.mark.parametrize("name", ["f.png", "f.gif", "f.mp4"])
+def test_a_full_disk_is_told(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(film.files, "atomic", lambda _: contextlib.nullcontext(Full()))
+    noise = np.random.default_rng(0).integers(0, 255, (12, 48, 64, 3), np.uint8)
+    with pytest.raises(OSError, match="No space left"):
+        film.write(name, iter(noise))
+
+
+def test_large_pictures_of_a_gif_are_not_all_held_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(film, "_BYTES", 5 * 33 * 21 * 3)
+    made, written = [], []
+
+    def counted() -> Iterator[np.ndarray]:
+        for picture in pictures(20):
+            made.append(1)
+            yield picture
+
+    save = Image.Image.save
+
+    def saved(self: Any, *args: Any, **options: Any) -> None:
+        written.append(len(made))
+        save(self, *args, **options)
+
+    monkeypatch.setattr(Image.Image, "save", saved)
+    assert film.write(tmp_path / "f.gif", counted()) == 20
+    assert written[0] == 6
 
 
 def test_names_and_missing_libraries_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -43,6 +43,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory, walker_clips) -> Path:
     bvh.write(place / "stroll.bvh", walker_clips[0])
     run = record(Controller(data), courses.load("circle"), seconds=0.5, progress=console.silent)
     run.save(place / "last.rec")
+    parts = {"step_seconds": run.step_seconds[:0], "stage_seconds": run.stage_seconds[:0]}
+    arrays = {name: array[:0] for name, array in run.arrays.items()}
+    dataclasses.replace(run, arrays=arrays, **parts).save(place / "none.rec")
     (place / "notes.txt").write_text("nothing")
     return place
 
@@ -103,6 +106,7 @@ def test_several_databases_are_told_apart(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("names", "message"),
     [
+        (("none.rec",), "none.rec: a run of no frames; record it again"),
         (("notes.txt",), "notes.txt: nothing that can be shown; give motion files, a database"),
         (("absent.mmdb",), "absent.mmdb: no such file; .*dancecard"),
         (("crouch.mmdb", "walk.lmm"), "walk.lmm: the model is not of this database: other tags"),
@@ -122,6 +126,8 @@ def test_systems_that_are_not_there_are_refused_with_those_that_are(folder: Path
     found = read(folder, "walk.lmm")
     with pytest.raises(UserError, match="no system 'mm'; choose from lmm; with its database also lmm-P"):
         found.parts(["mm"])
+    with pytest.raises(UserError, match="no systems are named; choose from lmm"):
+        found.parts([])
     with pytest.raises(UserError, match="lmm-SD has stages that are not learned"):
         found.parts(["lmm-SD"])
     with pytest.raises(UserError, match="give a database or a model"):

@@ -89,21 +89,32 @@ def _gif(stream: IO[bytes], pictures: Iterator[Image], fps: float) -> int:
 def _mp4(stream: IO[bytes], pictures: Iterator[Image], fps: float) -> int:
     import av
 
-    count = 0
-    with av.open(stream, "w", format="mp4") as container:
-        video: Any = None
-        for picture in pictures:
-            picture = _even(picture)
-            if video is None:
-                rate = Fraction(fps).limit_denominator(1001)
-                video = container.add_stream("libx264", rate=rate, options=_H264)
-                video.height, video.width = picture.shape[:2]
-                video.pix_fmt = "yuv420p"
-                video.thread_count = 1
-            container.mux(video.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
-            count += 1
-        if video is not None:
-            container.mux(video.encode())
+    try:
+        with av.open(stream, "w", format="mp4") as container:
+            return _encoded(container, pictures, fps)
+    except av.FFmpegError as error:
+        # What the stream could not write is raised, then that the end of the film could not be, either.
+        if isinstance(error.__context__, OSError):
+            raise error.__context__ from None
+        raise
+
+
+def _encoded(container: Any, pictures: Iterator[Image], fps: float) -> int:
+    import av
+
+    count, video = 0, None
+    for picture in pictures:
+        picture = _even(picture)
+        if video is None:
+            rate = Fraction(fps).limit_denominator(1001)
+            video = container.add_stream("libx264", rate=rate, options=_H264)
+            video.height, video.width = picture.shape[:2]
+            video.pix_fmt = "yuv420p"
+            video.thread_count = 1
+        container.mux(video.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
+        count += 1
+    if video is not None:
+        container.mux(video.encode())
     return count
 
 

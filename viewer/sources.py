@@ -83,6 +83,8 @@ class Sources:
         unknown name, and a mixture without its database, is a UserError.
         """
         own, mixtures = self._own(), self._mixtures()
+        if names is not None and not names:
+            raise UserError("no systems are named", remedy=f"choose from {', '.join(own)}" if own else None)
         found = {}
         for name in own if names is None else dict.fromkeys(names):
             make = own.get(name) or mixtures.get(name)
@@ -213,7 +215,10 @@ def _read(path: str, skinned: bool) -> Iterator[tuple[str, str, Any]]:
     else:
         kind = files.format_of(path)
         if kind == recording.KIND:
-            yield "runs", stem, Recording.load(path)
+            run = Recording.load(path)
+            if not len(run):
+                raise UserError("a run of no frames", path=path, remedy="record it again")
+            yield "runs", stem, run
         elif kind in (KIND, compressed.KIND):
             yield "databases", stem, of_databases.load(path)
         elif kind in models.FORMATS:
