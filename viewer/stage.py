@@ -147,7 +147,8 @@ class Stage:
     def _around(self, positions: Array) -> Array:
         """Corners [8, 3] of a box around characters' joints [N, J, 3] and their names."""
         low, high = positions.min(axis=(0, 1)), positions.max(axis=(0, 1))
-        low, high = low - _AROUND * self.tall, high + np.array([_AROUND, _ABOVE, _AROUND]) * self.tall
+        above = _ABOVE if self._names.visible else _AROUND
+        low, high = low - _AROUND * self.tall, high + np.array([_AROUND, above, _AROUND]) * self.tall
         return np.asarray(low + _BOX * (high - low))
 
     def _dress(self, i: int, show: Show) -> None:
