@@ -21,10 +21,8 @@ KINDS = ("follow", "orbit", "fixed")
 _SAMPLES = 40  # instants at which a film's extent is looked at
 _WAIST = 0.52  # of how tall they are: what the camera looks at
 _MARGIN = 1.06
-_LOOKS, _FARTHER = (
-    12,
-    1.15,
-)  # instants at which what is drawn about them is looked at; how much farther for it
+_LOOKS = 12  # instants at which what is drawn about them is looked at
+_FARTHER = 1.15  # as far as the camera stands for that, to what it would stand without
 _SUN = (np.radians(35.0), 0.57)  # to the right of where the camera stands, and how slanting
 
 
