@@ -21,7 +21,9 @@ from .recall import search
 from .scale.cli import scale
 
 
-@console.group("bench", "Numbers to trust: memory, cost per frame, motion quality, search, crowds, reading.")
+@console.group(
+    "bench", "Measure memory, cost per frame, motion quality, search, crowds, reading: numbers to trust."
+)
 def main() -> None:
     pass
 
@@ -29,7 +31,11 @@ def main() -> None:
 @main.command(epilog="Example: python -m bench crowd walk.mmdb --counts 1,256,1024")
 @click.argument("db", type=click.Path())
 @click.option(
-    "--counts", type=Listed(int), default="1,16,256,1024,4096", show_default=True, help="Characters."
+    "--counts",
+    type=Listed(int),
+    default="1,16,256,1024,4096",
+    show_default=True,
+    help="Numbers of characters.",
 )
 @click.option("--index", default="exact", show_default=True, help="Search index.")
 @MODELS
@@ -38,15 +44,15 @@ def main() -> None:
     type=console.SECONDS,
     default=5.0,
     show_default=True,
-    help="Of each run; less of large crowds.",
+    help="Length of each run; shorter for large crowds.",
 )
 @console.json_option
 def crowd(
     db: str, counts: tuple[int, ...], index: str, models: tuple[str, ...], seconds: float, as_json: bool
 ) -> None:
-    """Microseconds a character and frame by number of characters, with and without search, by stage.
+    """Time of a frame for crowds of several sizes, in microseconds for each character, by stage.
 
-    With --model of learned motion matching too, and of networks of locomotion, beside motion matching.
+    It is measured with and without search. With --model learned systems are measured beside motion matching.
     """
     from . import crowd as crowds
     from . import systems as registry
@@ -72,14 +78,16 @@ def crowd(
 @click.option(
     "--joints", type=click.IntRange(1, 10_000), default=191, show_default=True, help="Joints of the rig."
 )
-@click.option("--counts", type=Listed(int), default="1,16,256,1024", show_default=True, help="Characters.")
+@click.option(
+    "--counts", type=Listed(int), default="1,16,256,1024", show_default=True, help="Numbers of characters."
+)
 @click.option("--index", default="exact", show_default=True, help="Search index.")
-@click.option("--seconds", type=console.SECONDS, default=3.0, show_default=True, help="Of each run.")
+@click.option("--seconds", type=console.SECONDS, default=3.0, show_default=True, help="Length of each run.")
 @console.json_option
 def retarget(
     db: str, joints: int, counts: tuple[int, ...], index: str, seconds: float, as_json: bool
 ) -> None:
-    """Microseconds a character and frame of driving a large rig at run time, and their share of the frame.
+    """Time of driving a large rig at run time, in microseconds for each character and frame.
 
     The rig is the database's skeleton with legs of other lengths, and joints added until it has as many as
     asked for. Each row is one thread; twin_us is the plain NumPy of the same.
@@ -95,17 +103,23 @@ def retarget(
         console.print_table(rows, title=f"{db}: microseconds a character and frame, one thread")
 
 
-@main.command(epilog="Example: python -m bench networks walk.lmm --database walk.mmdb --counts 1,1024")
+@main.command(epilog="Example: python -m bench networks walk.lmm --db walk.mmdb --counts 1,1024")
 @click.argument("model", type=click.Path())
 @click.option(
+    "--db",
     "--database",
+    "database",
     type=click.Path(),
     metavar="DB",
-    help="What the model was trained from: inputs are its frames.",
+    help="Database that the model was trained from; its frames are the inputs.",
 )
-@click.option("--counts", type=Listed(int), default="1,16,256,1024", show_default=True, help="Characters.")
-@click.option("--weights", type=Listed(), metavar="A,B", help="Types of weights.  [default: all]")
-@click.option("--repeats", type=click.IntRange(1), default=5, show_default=True, help="At least so many.")
+@click.option(
+    "--counts", type=Listed(int), default="1,16,256,1024", show_default=True, help="Numbers of characters."
+)
+@click.option("--weights", type=Listed(), metavar="A,B", help="Types of weights to measure.  [default: all]")
+@click.option(
+    "--repeats", type=click.IntRange(1), default=5, show_default=True, help="Least number of timed passes."
+)
 @console.json_option
 def networks(
     model: str,
@@ -115,7 +129,7 @@ def networks(
     repeats: int,
     as_json: bool,
 ) -> None:
-    """Microseconds a character of a model's networks, their bytes, and what compact weights lose.
+    """Time of a model's networks for each character, their size, and the error of compact weights.
 
     MODEL is what `lmm train` wrote, or a folder of networks in the public reference's format. Beside our
     kernels stand NumPy and a loop compiled as the public C++ is written, both with float32 weights: of_numpy
@@ -137,7 +151,7 @@ def networks(
 @main.command(epilog="Example: python -m bench reading clips/")
 @click.argument("files", nargs=-1, required=True, type=click.Path())
 @click.option(
-    "--repeats", type=click.IntRange(1), default=3, show_default=True, help="Passes over the files."
+    "--repeats", type=click.IntRange(1), default=3, show_default=True, help="Number of passes over the files."
 )
 @console.json_option
 def reading(files: tuple[str, ...], repeats: int, as_json: bool) -> None:
@@ -171,7 +185,7 @@ def build(sources: tuple[str, ...], repeats: int, as_json: bool, **chosen: Any) 
 @click.argument("a", type=click.Path())
 @click.argument("b", type=click.Path())
 @click.option(
-    "-o", "--output", type=click.Path(), metavar="DIR", help="Write pictures, tables, a page there."
+    "-o", "--output", type=click.Path(), metavar="FOLDER", help="Write pictures, tables, a page there."
 )
 @click.option("--only", type=Listed(), metavar="A,B", help="Moves to look at: walk, 'run 3'.  [default: all]")
 @click.option(
@@ -194,7 +208,7 @@ def likeness(
     exclude: tuple[str, ...],
     as_json: bool,
 ) -> None:
-    """How like the motion of B that of A is, at the same speeds and moves.
+    """How much the motion of A resembles that of B, at the same speeds and moves.
 
     A and B are clips or folders, of any skeletons, rates and units. Both are cut into what the character does
     (stand, walk, run, turn, start, stop, backward, sidestep, crouch). Numbers of each move: joint angles,
@@ -244,7 +258,7 @@ def likeness(
     "--few", type=click.IntRange(1, 10_000), default=30, show_default=True, help="Frames that are a choice."
 )
 @click.option("--worst", type=click.IntRange(0), default=20, show_default=True, help="Holes to print.")
-@click.option("-o", "--output", type=click.Path(), metavar="DIR", help="Write heat maps and tables there.")
+@click.option("-o", "--output", type=click.Path(), metavar="FOLDER", help="Write heat maps and tables there.")
 @options.building
 @console.json_option
 def coverage(
@@ -258,7 +272,7 @@ def coverage(
     as_json: bool,
     **chosen: Any,
 ) -> None:
-    """What of the speeds, directions and turn rates that courses ask for the data has.
+    """Which of the speeds, directions and turn rates that courses ask for are in the data.
 
     SOURCES are clips and folders, or one database. An object that obeys through the controller's springs goes
     over the courses; covered is what it does that the data has within 0.25 m/s, 22.5 degrees and 30 degrees a
@@ -301,7 +315,7 @@ def coverage(
     metavar="A,B",
     help="Phase-functioned networks of this database; who has more joints is AVA.",
 )
-@click.option("-o", "--output", type=click.Path(), metavar="DIR", help="Write tables and report there.")
+@click.option("-o", "--output", type=click.Path(), metavar="FOLDER", help="Write tables and report there.")
 @click.option("--quick", is_flag=True, help="Train nothing: what no model is given for stays empty.")
 @click.option(
     "--preset",

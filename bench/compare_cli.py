@@ -27,9 +27,14 @@ FILES = ("summary.csv", "summary.json", "courses.csv", "report.html")
 @click.command(epilog="Example: python -m bench compare walk.mmdb --models models/ --quick -o report")
 @click.argument("sources", nargs=-1, required=True, type=click.Path())
 @click.option(
-    "--courses", type=Listed(), metavar="A,B", help="Names or TOML files.  [default: seven of them]"
+    "--courses", type=Listed(), metavar="A,B", help="Names of courses, or TOML files.  [default: seven]"
 )
-@click.option("--systems", type=Listed(), metavar="A,B", help="Names, families or patterns: mm, mm-*-free.")
+@click.option(
+    "--systems",
+    type=Listed(),
+    metavar="A,B",
+    help="Systems by name (see above), kind or pattern: lmm-D, mm, mm-*-free.",
+)
 @click.option(
     "--indexes",
     type=Listed(),
@@ -41,35 +46,50 @@ FILES = ("summary.csv", "summary.json", "courses.csv", "report.html")
     "--models",
     "folder_of_models",
     type=click.Path(),
-    metavar="DIR",
-    help="Folder of models: those in it that were trained from this database.",
+    metavar="FOLDER",
+    help="Folder of models; those that were trained from this database are taken.",
 )
 @click.option(
     "--train",
     type=click.Choice(PRESETS),
-    help="Train what models lack of the kinds that systems are asked for of, all three by default.",
+    help="First train a model of each kind (lmm, pfnn, mann) that --systems names but no model is given of; "
+    "without --systems of all three.",
 )
 @CODECS
-@click.option("--quick", is_flag=True, help="Two minutes: fewer and shorter courses, smaller crowds.")
-@click.option("--seconds", type=console.SECONDS, help="Of each course, at most.  [default: 40]")
 @click.option(
-    "--repeats", type=click.IntRange(1, 1000), help="Seeds: starts, or random users, a course.  [default: 3]"
+    "--quick",
+    is_flag=True,
+    help="Measure less, in about two minutes: fewer and shorter courses, smaller crowds.",
+)
+@click.option("--seconds", type=console.SECONDS, help="Longest time on each course.  [default: 40]")
+@click.option(
+    "--repeats",
+    type=click.IntRange(1, 1000),
+    help="Runs of each course, from other starts or with other random users.  [default: 3]",
 )
 @click.option(
-    "--seed", type=click.IntRange(0, 2**32 - 1), help="Of the random user.  [default: the course's own]"
+    "--seed",
+    type=click.IntRange(0, 2**32 - 1),
+    help="Random seed of the random user.  [default: the course's own]",
 )
 @click.option(
-    "--scale/--no-scale", default=True, show_default=True, help="Bring course speeds to the data's."
+    "--scale/--no-scale",
+    default=True,
+    show_default=True,
+    help="Scale the speeds of courses to those of the data.",
 )
 @click.option(
-    "--counts", type=Listed(int), metavar="A,B", help="Characters of crowds.  [default: 1,16,256,1024,4096]"
+    "--counts", type=Listed(int), metavar="A,B", help="Sizes of crowds.  [default: 1,16,256,1024,4096]"
 )
 @click.option(
-    "--crowd-systems", type=Listed(), metavar="A,B", help="Whose crowds.  [default: one of each kind]"
+    "--crowd-systems",
+    type=Listed(),
+    metavar="A,B",
+    help="Systems to measure crowds of.  [default: one of each kind]",
 )
-@click.option("--no-crowds", is_flag=True, help="Leave crowds out.")
+@click.option("--no-crowds", is_flag=True, help="Do not measure crowds.")
 @options.on_heights
-@click.option("-o", "--output", type=click.Path(), metavar="DIR", help="Write tables and report there.")
+@click.option("-o", "--output", type=click.Path(), metavar="FOLDER", help="Write tables and report there.")
 @options.building
 @console.json_option
 def compare(
@@ -95,34 +115,36 @@ def compare(
     as_json: bool,
     **chosen: Any,
 ) -> None:
-    """Which system to take: memory, cost per frame and motion quality of every system over every course.
+    """Compare systems by memory, cost per frame and motion quality over courses, and say which to take.
 
-    SOURCES are clips and folders, or one database. With -o the folder gets summary.csv, courses.csv,
-    summary.json, report.html, all tables in tables/ (as Parquet too, where pyarrow is installed), and the
-    database where one was built. In work/ it keeps every run: a comparison that was interrupted goes on, and
-    one with more systems measures these alone. Of another database, model, setting, version of this program
-    or machine nothing is taken.
+    SOURCES are clips and folders, or one database. By default motion matching with exact search, three
+    compressed databases, and all ways to run the models given by --model are compared.
 
-    Without --systems, --indexes or --codecs these are compared: motion matching by exact search, all ways to
-    run the models, three compressed databases. Systems that end in -free do not hold the feet; where the
-    skeleton lacks a joint of a leg only they run.
+    With -o the folder gets report.html, summary.csv, courses.csv, summary.json, all tables in tables/ (also
+    as Parquet where pyarrow is installed), and the database where one was built. Finished runs are kept in
+    its folder work/: a comparison that was interrupted goes on where it stopped, and one with more systems
+    measures only those. Runs of another database, model, setting, program version or machine are not used.
 
-    With --model networks take the place of stages of motion matching, in all seven ways: lmm-PSD is learned
-    projection, stepping and decompression, lmm-D the decompressor alone; lmm-D-free, by that name, does not
-    hold the feet. A phase-functioned network runs as pfnn-cubic, pfnn-linear and pfnn-constant, a
-    mode-adaptive one as mann-4, by its experts. lmm-PSD-bf16 and the like, by that name, multiply bfloat16
-    numbers as crowds may (`bench crowd`), where the processor can; -fp32, -fp16, -int8 hold weights as such.
+    \b
+    Names of systems:
+      mm-exact, mm-aabb, ...     motion matching with that search index
+      mm-exact-quantised-11      ... on a database that `mm compress` makes so (see --codecs);
+                                 mm-coded-CODEC searches features of 8 bits as they are stored
+      lmm-PSD, lmm-PD, lmm-D     learned motion matching; the letters name what networks do: P projection,
+                                 S stepping, D decompression, in all seven mixtures
+      pfnn-cubic, -linear, ...   a phase-functioned network, by the interpolation of its weights
+      mann-4                     a mode-adaptive network, by its number of experts
+      NAME-free                  without foot locking; the only ones where a leg's joint is missing
+      NAME-fp32, -fp16, -int8    with weights held so; -bf16 also multiplies so, where the processor can
 
-    Compressed databases run as mm-exact-quantised-11 and the like, by name, by pattern or with --codecs; with
-    features of 8 bits as mm-coded-CODEC, too. With such systems or models every system's poses are held
-    against those of the data, and those of mm-exact (or mm-exact-free, where only such run) under the same
-    commands.
+    With models or compressed databases, poses of every system are also compared with those of the data, and
+    with those of mm-exact under the same commands.
 
-    Each course is driven from several starts, a random one by several users. Means stand with 95 % intervals,
-    and the verdict calls a difference only what a paired test finds over the courses.
+    Each course is driven from several starts, the random one by several users. Means have 95 % intervals, and
+    the verdict calls a difference only what a paired test over the courses finds.
 
-    With --heights all walk on uneven ground as with `mm run`; heights of feet are then those above what is
-    beneath them, and how deep feet sink into the ground and how high they hover over it is told, too.
+    With --heights all walk on uneven ground, as with `mm run`. Heights of feet are then those above the
+    ground, and you are told how deep feet sink into it and how high they hover over it.
     """
     from mm import courses as known_courses
 

@@ -43,7 +43,7 @@ TABLES = ("summary.csv", "courses.csv", "summary.json", "report.html")
 @click.option(
     "--scale/--no-scale", default=True, show_default=True, help="Bring course speeds to the data's."
 )
-@click.option("-o", "--output", type=click.Path(), metavar="DIR", help="Write tables and pictures there.")
+@click.option("-o", "--output", type=click.Path(), metavar="FOLDER", help="Write tables and pictures there.")
 @console.json_option
 def courses(
     db: str,

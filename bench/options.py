@@ -32,7 +32,7 @@ MODELS = click.option(
 class Listed(click.ParamType):
     """Comma-separated values."""
 
-    name = "list"
+    name = "a,b"
 
     def __init__(self, kind: type = str) -> None:
         self.kind = kind

@@ -28,7 +28,7 @@ MARKERS = ("o", "s", "D", "^", "v", "P", "X", "<", ">")
 @click.option(
     "--sweep", is_flag=True, help="Approximate indexes in all ways to trade recall for time.  [with -o: on]"
 )
-@click.option("-o", "--output", type=click.Path(), metavar="DIR", help="Write table and plot there.")
+@click.option("-o", "--output", type=click.Path(), metavar="FOLDER", help="Write table and plot there.")
 @console.json_option
 def search(
     db: str,

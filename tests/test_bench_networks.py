@@ -38,7 +38,7 @@ QUICK = ("--counts", "1,5", "--repeats", 1)
 
 
 def test_rows_say_what_each_network_costs_and_loses(folder):
-    shown = bench(folder / "walk.lmm", "--database", folder / "walk.mmdb", *QUICK, "--json").stdout
+    shown = bench(folder / "walk.lmm", "--db", folder / "walk.mmdb", *QUICK, "--json").stdout
     rows = json.loads(shown)
     kinds = [
         ("ours", "float32"),

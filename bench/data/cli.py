@@ -38,7 +38,7 @@ from ..options import Listed, check_outputs, load
 @click.option(
     "--seconds", type=console.SECONDS, default=20.0, show_default=True, help="Of each course, at most."
 )
-@click.option("-o", "--output", type=click.Path(), metavar="DIR", help="Write tables and report there.")
+@click.option("-o", "--output", type=click.Path(), metavar="FOLDER", help="Write tables and report there.")
 @console.json_option
 def data(
     db: str,

@@ -27,7 +27,9 @@ from motion import console
     help="Characters whose steps are watched.",
 )
 @click.option("--peak/--no-peak", default=True, show_default=True, help="Measure resident memory, slowly.")
-@click.option("-o", "--output", type=click.Path(), metavar="DIR", help="Write table, plot and report there.")
+@click.option(
+    "-o", "--output", type=click.Path(), metavar="FOLDER", help="Write table, plot and report there."
+)
 @console.json_option
 def memory(
     db: str,
@@ -39,7 +41,7 @@ def memory(
     output: str | None,
     as_json: bool,
 ) -> None:
-    """Bytes of every system by part, stored, loaded and at the peak, beside the error of its poses.
+    """Memory of every system by part (stored, loaded, at the peak), beside the error of its poses.
 
     That is all search indexes, compressed databases, and all ways to run models and to hold their weights.
     Errors are those of poses decoded of true frames, on clips that the models were trained on and on those

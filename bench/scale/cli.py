@@ -36,7 +36,7 @@ SHORTEST, LONGEST = 0.5, 6000.0  # minutes
     "--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True, help="Of dance and order."
 )
 @click.option("--quick", is_flag=True, help="Three short lengths, few searches, in two minutes.")
-@click.option("-o", "--output", type=click.Path(), metavar="DIR", help="Write tables and report there.")
+@click.option("-o", "--output", type=click.Path(), metavar="FOLDER", help="Write tables and report there.")
 @options.building
 @console.json_option
 def scale(
