@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import lmm_models
@@ -271,6 +272,14 @@ def test_a_legend_says_what_colours_mean_and_when_it_is() -> None:
     assert narrow.shape == (360, 120, 3)
 
 
+def test_a_panel_of_a_crowd_says_of_whom_it_is(members: dict[str, Member]) -> None:
+    run = members["mm"].run
+    assert run is not None
+    arrays = {name: np.repeat(array, 3, axis=1) for name, array in run.arrays.items()}
+    crowd = cast.of_run("crowd", replace(run, arrays=arrays))
+    assert panel.Gauge(crowd).at(TIME).name == "crowd, the first of 3"
+
+
 def test_a_panel_tells_what_was_recorded(members: dict[str, Member]) -> None:
     member = members["mm"]
     told = panel.Gauge(member, ("panel", "costs")).at(TIME)
@@ -279,6 +288,7 @@ def test_a_panel_tells_what_was_recorded(members: dict[str, Member]) -> None:
     assert values["cost"] == f"{record['feature_costs'].sum():.2f}"
     assert values["speed"].endswith(f" of {np.linalg.norm(record['command_velocity']):.2f} m/s")
     assert told.bars[0].value == f"{record['feature_costs'].max():.2f}"
+    assert told.name == "mm"
     stamp = panel.drawn(told, LIGHT)
     assert stamp.dtype == np.uint8 and stamp.shape[1:] == (268, 4)
     assert stamp[..., :3].min() < 60 < 200 < stamp[..., :3].max()  # letters on a light ground

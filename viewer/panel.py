@@ -74,11 +74,17 @@ class Gauge:
         self.member, self.parts = member, parts
         self._first = max(since, member.timeline.first)
         self._curves = curves.of(member.timeline, since=since, contact_roles=member.contact_roles)
+        self._tops = {
+            name: max(top, float(np.nanquantile(self._curves[name], 0.99)))
+            for name, top in _TOPS.items()
+            if np.isfinite(self._curves[name]).any()
+        }
 
     def at(self, time: float) -> Told:
         """What there is to say at a time, seconds."""
         moment = Moment(self.member, time)
-        told = Told(self.member.name)
+        several = f", the first of {self.member.show.count}" if self.member.show.count > 1 else ""
+        told = Told(self.member.name + several)
         if "panel" in self.parts:
             phase = moment.record.get("phase")
             told = Told(told.name, self._rows(time), _shares(moment), None if phase is None else float(phase))
@@ -93,7 +99,7 @@ class Gauge:
         for name, decimals in (("cost", 2), ("speed", 2), ("skate", 1), ("step", 2)):
             values = self._curves[name]
             # How feet skate is told by how high they are above level ground.
-            if not np.isfinite(values).any() or (name == "skate" and self.member.ground is not flat):
+            if name not in self._tops or (name == "skate" and self.member.ground is not flat):
                 continue
             asked = self._curves["asked"] if name == "speed" else np.full(1, np.nan)
             value = f"{values[now]:.{decimals}f}" if np.isfinite(values[now]) else "-"
@@ -101,8 +107,7 @@ class Gauge:
                 value += f" of {asked[now]:.{decimals}f}"
             beside = asked[past] if np.isfinite(asked).any() else None
             value = f"{value} {curves.UNITS[name]}".strip()
-            top = max(_TOPS[name], float(np.nanquantile(values, 0.99)))
-            found.append(Row(name, value, values[past], beside, top))
+            found.append(Row(name, value, values[past], beside, self._tops[name]))
         return found
 
 
