@@ -208,11 +208,11 @@ def skate_and_path(summary: pd.DataFrame, colours: Mapping[str, str]) -> Any:
 
 
 def worth(summary: pd.DataFrame, colours: Mapping[str, str]) -> Any:
-    """What is wanted of systems beside what a frame costs, a panel each; None where nothing is known.
+    """What is wanted of systems beside what a frame costs, a panel each; None where nothing is to compare.
 
     A line joins those that no cheaper one beats.
     """
-    known = [c for c, _ in WORTH if c in summary and len(summary[["frame_mean_us", c]].dropna())]
+    known = [c for c, _ in WORTH if c in summary and len(summary[["frame_mean_us", c]].dropna()) > 1]
     if not known:
         return None
     columns, rows = min(len(known), 2), -(-len(known) // 2)

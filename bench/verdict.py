@@ -263,6 +263,8 @@ def _scope(measured: Measured) -> str:
     what = (
         f"{_count(len(measured.names), 'system')} on {_count(courses, 'course')}, {_count(each, 'run')} each"
     )
+    if len(measured.names) < 2:
+        return f"{what}."
     if each < 2:
         return f"{what}: of one run no difference can be tested, these numbers speak for that run alone."
     of = "courses" if courses > 1 else "seeds of the one course"
@@ -280,7 +282,7 @@ def _reference(measured: Measured) -> list[str]:
 
 def _rule(measured: Measured) -> str:
     """What it means to keep the quality, and to fail."""
-    if measured.reference is None or not measured.metrics:
+    if measured.reference is None or not measured.metrics or len(measured.names) < 2:
         return ""
     judged = _listed([f"{m.words} ({_number(m.times * m.slack)} {m.unit})" for m in measured.metrics])
     stall, stray = (limit.most for limit in BREAKS)
@@ -297,6 +299,8 @@ def _budgets(measured: Measured) -> list[str]:
     """What is the smallest, and what less time costs in memory, among those that keep the quality."""
     reference, front = measured.reference, measured.budgets
     what = f"keeps {reference}'s quality" if reference else "fails on no course"
+    if len(measured.names) < 2:
+        return []
     if not measured.keeps:
         return [f"None {what}."]
     if measured.keeps == [reference]:

@@ -225,6 +225,16 @@ def test_missing_systems_and_numbers():
     assert "nan" not in found.paragraph and "nan" not in " ".join(found.systems.values())
 
 
+def test_one_system_alone_is_compared_to_none():
+    found = verdict.of(measured({"mm-exact": MM}))
+    assert re.fullmatch(
+        r"1 system on 5 courses, 10 runs each\. Motion matching with exact search, mm-exact, is the "
+        r"yardstick: 100 MB and 5[\d.]+ µs a frame\.",
+        found.paragraph,
+    )
+    assert not found.rule and not found.systems
+
+
 def test_one_run_alone_tests_nothing_and_says_so():
     found = measured({"mm-exact": MM, "lmm-D": (20.0, 80.0, WORSE)}, seeds=1)
     one = found.runs[found.runs["course"] == "star"]
