@@ -361,7 +361,7 @@ def thesis(
     if folder is not None:
         check_outputs(folder, page.FILES)
     elif not quick:
-        raise click.UsageError("a folder is needed to train models into: give -o DIR, or --quick")
+        raise click.UsageError("a folder is needed to train models into: give -o FOLDER, or --quick")
     databases = rows.Databases(load(db))
     placed = rows.placed(models, databases)
     if folder is not None and not quick:

@@ -158,7 +158,7 @@ def compare(
         _check_folder(folder, (*sources, *models, *codecs, *filter(None, [heights])), chosen)
     place = folder_of_models or (str(folder / "models") if folder else None)
     if train and place is None:
-        raise click.UsageError("a folder is needed to train models into: give --models DIR or -o DIR")
+        raise click.UsageError("a folder is needed to train models into: give --models FOLDER or -o FOLDER")
     # Faults in what was asked for come before the work, not after it.
     ground = options.heightmap(heights, heights_spacing)
     plan = _plan(quick, systems, indexes, codecs)

@@ -317,4 +317,4 @@ def test_compare_takes_the_models_of_a_folder_and_trains_what_lacks(files, tmp_p
     assert found["verdict"]["reference"] is None and found["published"][0]["system"] == "lmm-PSD"
     bench(*line, "--train", "smoke")  # it is there now
     assert len(trained) == 1
-    assert "give --models DIR or -o DIR" in bench(*line[:-2], "--train", "smoke", code=2).stderr
+    assert "give --models FOLDER or -o FOLDER" in bench(*line[:-2], "--train", "smoke", code=2).stderr

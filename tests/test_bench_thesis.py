@@ -289,7 +289,7 @@ def test_the_command(database, square, undrawn, tmp_path):
     told = json.loads(run(tmp_path / "db", "--models", model, "--quick", "--laps", 2, "--json").stdout)
     assert told["summary"][0]["operations"] > 0 and told["summary"][1]["operations"] is None
 
-    assert "give -o DIR, or --quick" in run(tmp_path / "db", code=2).stderr
+    assert "give -o FOLDER, or --quick" in run(tmp_path / "db", code=2).stderr
     assert "none.pfnn" in run(tmp_path / "db", "--models", "none.pfnn", "--quick", code=2).stderr
     message = run(tmp_path / "db", "--models", tmp_path / "db", "--quick", code=2).stderr
     assert "error: " in message and "Traceback" not in message
