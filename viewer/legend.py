@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from .layers import colours, ghost
 from .raster import text
 from .raster.renderer import STANDARD
-from .scene import Floats, Theme, colour
+from .scene import Floats, Theme, colour, levels
 
 Image = NDArray[np.uint8]
 
@@ -25,8 +25,7 @@ class Key(NamedTuple):
 
 
 def _key(shade: Floats, words: str) -> Key:
-    red, green, blue = np.round(255 * shade).astype(int).tolist()
-    return Key(f"#{red:02x}{green:02x}{blue:02x}", words)
+    return Key("#" + bytes(levels(shade)).hex(), words)
 
 
 _CHEAP, _DEAR = colours.graded(0.0), colours.graded(1.0)
@@ -75,9 +74,9 @@ def _line(keys: tuple[Key, ...], words: str, size: int, theme: Theme) -> Image:
     font, edge = ImageFont.load_default(size), max(1, round(0.14 * size))
     widths = [font.getlength(key.words) for key in keys]
     whole = sum(widths) + 2.8 * size * len(keys) + font.getlength(words) + size
-    canvas = pillow.new("RGBA", (round(whole), 2 * size), (*_bytes(theme.halo), 0))
+    canvas = pillow.new("RGBA", (round(whole), 2 * size), (*levels(colour(theme.halo)), 0))
     draw = ImageDraw.Draw(canvas)
-    ink, halo, base = (*_bytes(theme.ink), 255), (*_bytes(theme.halo), 190), 1.45 * size
+    ink, halo, base = (*levels(colour(theme.ink)), 255), (*levels(colour(theme.halo)), 190), 1.45 * size
 
     def put(left: float, said: str) -> None:
         draw.text((left, base), said, font=font, fill=halo, anchor="ls", stroke_width=edge, stroke_fill=halo)
@@ -90,8 +89,3 @@ def _line(keys: tuple[Key, ...], words: str, size: int, theme: Theme) -> Image:
         left += 2.8 * size + width
     put(left, words)
     return np.asarray(canvas)
-
-
-def _bytes(shade: str) -> tuple[int, int, int]:
-    red, green, blue = np.round(255 * colour(shade)).astype(int).tolist()
-    return red, green, blue

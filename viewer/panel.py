@@ -18,7 +18,7 @@ from .layers import colours
 from .layers.moment import Moment
 from .raster import text
 from .raster.renderer import STANDARD
-from .scene import Floats, Theme, colour
+from .scene import Floats, Theme, colour, levels
 
 Image = NDArray[np.uint8]
 Colour = tuple[int, int, int]
@@ -197,7 +197,7 @@ def drawn(told: Told, theme: Theme, scale: float = 1.0) -> Image:
     width, row, pad = (max(1, round(n * scale)) for n in (_WIDTH, _ROW, _PAD))
     small, large = (ImageFont.load_default(max(6, round(n * scale))) for n in (_LETTERS, 1.3 * _LETTERS))
     height = _height(told, scale)
-    ink, back = _bytes(colour(theme.ink)), _bytes(colour(theme.halo))
+    ink, back = levels(colour(theme.ink)), levels(colour(theme.halo))
     faint: Colour = tuple((3 * b + i) // 4 for b, i in zip(back, ink, strict=True))  # type: ignore[assignment]
     canvas = pillow.new("RGBA", (width, height), (*back, _COVER))
     draw = ImageDraw.Draw(canvas)
@@ -212,7 +212,7 @@ def drawn(told: Told, theme: Theme, scale: float = 1.0) -> Image:
         draw.line([(box[0], box[3]), (box[2], box[3])], fill=(*faint, 255))
         for values, shade in ((line.beside, colours.ASKED), (line.history, colours.PREDICTED)):
             if values is not None:
-                _plot(draw, values, line.top, box, _bytes(shade), scale)
+                _plot(draw, values, line.top, box, levels(shade), scale)
         y += row
     for bar in told.bars:
         box = (width - pad - 2.9 * row, y + 0.28 * row, width - pad, y + 0.72 * row)
@@ -221,7 +221,7 @@ def drawn(told: Told, theme: Theme, scale: float = 1.0) -> Image:
         draw.text(value, bar.value, font=small, fill=(*ink, 255), anchor="ra")
         draw.rectangle(box, fill=(*faint, 255))
         end = box[0] + (box[2] - box[0]) * float(np.clip(bar.share, 0, 1))
-        draw.rectangle((box[0], box[1], end, box[3]), fill=(*_bytes(bar.shade), 255))
+        draw.rectangle((box[0], box[1], end, box[3]), fill=(*levels(bar.shade), 255))
         y += row
     return np.asarray(canvas)
 
@@ -256,7 +256,7 @@ def _dial(
     x, y = middle
     draw.ellipse((x - radius, y - radius, x + radius, y + radius), fill=(*faint, 255))
     hand = (x + radius * np.sin(phase), y - radius * np.cos(phase))
-    draw.line([middle, hand], fill=(*_bytes(colours.ASKED), 255), width=max(2, round(3.5 * scale)))
+    draw.line([middle, hand], fill=(*levels(colours.ASKED), 255), width=max(2, round(3.5 * scale)))
     for at, foot in ((-1, "R"), (1, "L")):
         draw.text(
             (x - 1.15 * radius, y + at * 0.6 * radius),
@@ -274,8 +274,3 @@ def fitting(words: str, font: Any, width: float) -> str:
     while words and font.getlength(words + "..") > width:
         words = words[:-1]
     return words + ".."
-
-
-def _bytes(shade: Floats) -> Colour:
-    red, green, blue = np.round(255 * np.asarray(shade)).astype(int).tolist()
-    return red, green, blue

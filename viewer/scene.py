@@ -22,6 +22,12 @@ def colour(text: str) -> Floats:
     return np.array([int(text[i : i + 2], 16) / 255 for i in (1, 3, 5)], np.float32)
 
 
+def levels(shade: ArrayLike) -> tuple[int, int, int]:
+    """A colour [3] as pictures have it: whole numbers from 0 to 255."""
+    red, green, blue = np.round(255 * np.asarray(shade)).astype(int).tolist()
+    return red, green, blue
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Mesh:
     """A closed or open surface of triangles.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from . import camera
 from .camera import Camera
 from .raster import Renderer, text
-from .scene import Ground, Sun, Theme, colour
+from .scene import Ground, Sun, Theme, colour, levels
 from .stage import Stage
 
 Image = NDArray[np.uint8]
@@ -197,7 +197,7 @@ def light(stage: Stage, eye: Camera) -> None:
 
 def _stamp(image: Image, words: str, theme: Theme) -> None:
     """A line of text at the bottom, in the middle."""
-    ink, halo = (tuple(np.round(255 * colour(c)).astype(int).tolist()) for c in (theme.ink, theme.halo))
+    ink, halo = levels(colour(theme.ink)), levels(colour(theme.halo))
     size = max(10, round(0.032 * len(image)))
     stamp = text.picture(words, size, ink, halo)
     text.put(image, stamp, (image.shape[1] - stamp.shape[1]) // 2, len(image) - len(stamp) - size // 3)

@@ -16,7 +16,21 @@ from numpy.typing import NDArray
 
 from .. import shapes
 from ..camera import NEAR, Camera, axes, focal, matrix, project
-from ..scene import Arrows, Floats, Labels, Layer, Lines, Mesh, Points, Scene, Solids, Surface, Theme, colour
+from ..scene import (
+    Arrows,
+    Floats,
+    Labels,
+    Layer,
+    Lines,
+    Mesh,
+    Points,
+    Scene,
+    Solids,
+    Surface,
+    Theme,
+    colour,
+    levels,
+)
 from . import kernels, kernels_numpy, text
 
 STANDARD = 720  # the height of pictures for which widths and sizes are given
@@ -242,7 +256,7 @@ class Renderer:
 
     def _labels(self, image: NDArray, layer: Labels, camera: Camera, theme: Theme) -> None:
         places, far = project(camera, layer.positions, self.width, self.height)
-        halo = _bytes(colour(theme.halo))
+        halo = levels(colour(theme.halo))
         inks = [colour(theme.ink)] * len(far)
         if layer.colours is not None:
             inks = list(np.broadcast_to(layer.colours, (len(far), 3)))
@@ -250,13 +264,8 @@ class Renderer:
         for k in np.argsort(-far):
             if far[k] < NEAR or not layer.texts[k].strip():
                 continue
-            stamp = text.picture(layer.texts[k], size, _bytes(inks[k]), halo)
+            stamp = text.picture(layer.texts[k], size, levels(inks[k]), halo)
             text.put(image, stamp, round(places[k, 0] - stamp.shape[1] / 2), round(places[k, 1] - len(stamp)))
-
-
-def _bytes(shade: Floats) -> tuple[int, int, int]:
-    red, green, blue = np.round(255 * shade).astype(int).tolist()
-    return red, green, blue
 
 
 def _opacity(layer: Layer) -> float:
