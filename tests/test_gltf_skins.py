@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import io
 from pathlib import Path
 
@@ -188,6 +189,16 @@ def test_colours_are_those_of_the_texture_at_the_vertices(tmp_path: Path) -> Non
     np.testing.assert_allclose(found[:4], [[1, 0, 0], [1, 1, 1], [0, 0, 0], [0, 0, 1]], atol=1e-6)
     tinted = colours(painted(tmp_path, baseColorFactor=[0.5, 0.25, 1, 1]), tmp_path / "arm.glb")
     np.testing.assert_allclose(tinted[1], [0.5, 0.25, 1], atol=1e-6)
+
+
+@pytest.mark.parametrize("held", ["file", "data"])
+def test_textures_stand_beside_the_file_or_in_it(tmp_path: Path, held: str) -> None:
+    builder, stream = painted(tmp_path), io.BytesIO()
+    Image.new("RGB", (4, 4), (0, 255, 0)).save(stream, "png")
+    (tmp_path / "green skin.png").write_bytes(stream.getvalue())
+    data = "data:image/png;base64," + base64.b64encode(stream.getvalue()).decode()
+    builder.json["images"] = [{"uri": "green%20skin.png" if held == "file" else data}]
+    np.testing.assert_allclose(colours(builder, tmp_path / "arm.gltf"), np.tile([0, 1, 0], (9, 1)), atol=1e-6)
 
 
 def test_vertices_may_have_colours_of_their_own(tmp_path: Path) -> None:

@@ -220,6 +220,8 @@ def test_the_ground_is_laid_and_its_samples_lie_on_it() -> None:
     assert stage.scene.ground is None
     np.testing.assert_allclose(surface.vertices[:, 1], ground(*surface.vertices[:, [0, 2]].T), atol=1e-3)
     assert (surface.normals[:, 1] > 0.9).all()
+    stage.move_to(TIME)  # the camera goes up and down with who walks
+    assert stage.middle[1] == pytest.approx(float(ground(*stage.roots[0, [0, 2]])), abs=0.02)
     told = panel.Gauge(member).at(TIME)
     assert told.phase is not None and "skate" not in [row.name for row in told.rows]
     assert sum(bar.share for bar in told.bars) == pytest.approx(1, abs=0.1)
