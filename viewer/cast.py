@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -70,10 +70,45 @@ class Member:
         return self._explained[1]
 
 
-def given(sources: Sources) -> list[Member]:
-    """The clips and the runs of what was given."""
+def given(sources: Sources, *, ground: Ground | None = None) -> list[Member]:
+    """The clips and the runs of what was given; ground is what the runs went on."""
     found = [of_clip(clip) for clip in sources.clips.values()]
-    return found + [of_run(name, run, sources.data_of(run)) for name, run in sources.runs.items()]
+    known = {"ground": ground or flat}
+    return found + [of_run(name, run, sources.data_of(run), **known) for name, run in sources.runs.items()]
+
+
+def chosen(
+    sources: Sources,
+    systems: Sequence[str] | None = None,
+    *,
+    course: str | None = None,
+    settings: Mapping[str, str] | None = None,
+    ground: Ground | None = None,
+) -> dict[str, Part]:
+    """Who is driven, by name: these systems, by default all that there are; beside runs, which they explain,
+    only where systems or a course are named.
+
+    course, settings and ground are for them: a UserError where there is nobody who takes them.
+    """
+    explained = bool(sources.runs) and systems is None and course is None
+    found = {} if explained else sources.parts(systems)
+    wanted = {
+        "over a course": course,
+        "by settings": settings,
+        "on heights": None if sources.runs else ground,
+    }
+    for what, asked in wanted.items():
+        if asked and not found:
+            remedy = (
+                "name who is: --systems"
+                if sources.databases or sources.models
+                else "give a database or a model"
+            )
+            raise UserError(f"nobody is driven {what}", remedy=remedy)
+    for name in settings or ():
+        if name and name not in found:
+            raise UserError(f"settings for {name!r}, which is not driven", remedy=config.choices(found))
+    return found
 
 
 def of_clip(show: Recorded) -> Member:
@@ -105,16 +140,15 @@ def driven(
 ) -> list[Member]:
     """Systems driven over one course, each from its start, until it is done or seconds are over.
 
-    The course is scaled to the data of the first one, so that all are asked the same. settings are TOML files
-    by the names of systems, under "" that of the others; one of another kind's settings is a UserError.
+    The course is scaled to the data of the first one, so that all are asked the same. settings: see
+    `settings_of`.
     """
     first = next(iter(parts.values()))
     asked = fitted(course, first.driven.description)
-    files = settings or {}
-    chosen = {name: _settings(part, files.get(name, files.get(""))) for name, part in parts.items()}
+    tuned = settings_of(parts, settings or {})
     found = []
     for name, part in parts.items():
-        system = part.make(chosen[name], ground=ground, obstacles=asked.obstacles())
+        system = part.make(tuned[name], ground=ground, obstacles=asked.obstacles())
         driver = Driver(asked, 1, system.fps)
         until = None if seconds is None else seconds + 1 / system.fps  # a step is there at that time, too
         run = recording.record(system, asked, seconds=until, driver=driver, progress=progress)
@@ -125,8 +159,14 @@ def driven(
     return found
 
 
-def _settings(part: Part, path: str | None) -> Any:
-    return None if path is None else config.load(part.driven.settings, path)
+def settings_of(parts: Mapping[str, Part], files: Mapping[str, str]) -> dict[str, Any]:
+    """Settings by the names of systems, None for the usual ones; files are TOML ones by these names, under ""
+    that of the others. One of another kind's settings is a UserError."""
+    paths = {name: files.get(name, files.get("")) for name in parts}
+    return {
+        name: None if path is None else config.load(parts[name].driven.settings, path)
+        for name, path in paths.items()
+    }
 
 
 def _contacts(show: Recorded) -> NDArray[np.uint8] | None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -26,7 +25,7 @@ RATES = {".gif": 25.0}
 VIEWS, CAMERAS = ("front", "side", "quarter", "back"), ("follow", "orbit", "fixed")
 COURSE, USUAL, NOTHING = "thesis", ("trajectory", "panel"), "none"
 PAST = 0.1  # seconds that are driven beyond the time of a picture
-EXPORTS = (".bvh", ".glb", ".rec")
+UNSEEN = ("filmstrip", "fps", "apart")  # in a window
 
 
 class Size(click.ParamType):
@@ -88,7 +87,8 @@ class Names(click.ParamType):
     "--export",
     type=click.Path(),
     metavar="OUT",
-    help="Motion shown, to write: .bvh, .glb (with the body), .rec; of several OUT-NAME each.",
+    help="Motion shown, to write: .bvh, .glb (with the body), .rec; of several OUT-NAME each, of a run's "
+    "characters OUT-NAME-NUMBER.",
 )
 @click.option(
     "--filmstrip",
@@ -164,6 +164,9 @@ def main(
     are given with a run explain it; with --systems or --course they drive beside it. With --offscreen neither
     a window nor a graphics card is needed.
 
+    In a window characters are driven by keys or a gamepad, or over a --course. --from and --to are of what is
+    recorded, --show panel opens the plots; --filmstrip, --fps and --apart are not for it.
+
     \b
     What --show names:
       trajectory  what is asked (orange) and predicted (violet), with facings
@@ -204,14 +207,20 @@ def _check(
     """Faults in what is to be written and shown, before the work."""
     from motion import files
 
+    from . import export as exporting
     from . import film
     from .offscreen import DRAWABLE
 
+    if not outputs:
+        for name in UNSEEN:
+            if seen[name]:
+                remedy = "leave it out, or draw without one: --offscreen OUT"
+                raise UserError(f"--{name} is nothing for a window", remedy=remedy)
     form = film.suffix(offscreen) if offscreen else None
     if seen["filmstrip"] and form != ".png":
         raise UserError("a film strip is one picture", path=offscreen, remedy="name it *.png")
-    if export and Path(export).suffix.lower() not in EXPORTS:
-        raise UserError("motion is not exported so", path=export, remedy=f"name it *{', *'.join(EXPORTS)}")
+    if export:
+        exporting.check(export)
     for output in outputs:
         files.check_output(output, inputs=inputs)
     if form == ".mp4":
@@ -241,16 +250,9 @@ def _members(
 
     from . import cast
 
-    members = cast.given(found)
-    if found.runs and systems is None and course is None:
-        return members
-    parts = found.parts(systems)
-    for name in settings:
-        if name and name not in parts:
-            raise UserError(f"settings for {name!r}, which is not driven", remedy=_choices(parts))
+    parts = cast.chosen(found, systems, course=course, settings=settings, ground=ground)
+    members = cast.given(found, ground=ground)
     if not parts:
-        if course is not None:
-            raise UserError("nobody is driven over a course", remedy="give a database or a model")
         return members
     way = courses.load(course or COURSE)
     return members + cast.driven(parts, way, seconds=seconds, settings=settings, ground=ground)
@@ -327,13 +329,26 @@ def _export(members: list[Member], output: str, start: float, stop: float | None
         click.echo(f"wrote {path}", err=True)
 
 
-def _window(found: Sources, *, show: tuple[str, ...] | None, **given: Any) -> None:
+def _window(
+    found: Sources,
+    *,
+    show: tuple[str, ...] | None,
+    view: str | None,
+    camera: str,
+    elevation: float,
+    distance: float | None,
+    turn: float,
+    **given: Any,
+) -> None:
     """Open the window on what was given: the one place where it is."""
-    from . import window
+    import numpy as np
+
+    from . import views, window
 
     shown = None if show is None else [name for name in show if name != NOTHING]
-    known = ("systems", "course", "settings", "ground", "ghost", "size", "dark")
-    window.run(found, shown=shown, **{name: given[name] for name in known})
+    seen = views.View(camera, elevation=np.radians(elevation), distance=distance, turn=turn)
+    given = {name: value for name, value in given.items() if name not in UNSEEN}
+    window.run(found, shown=shown, view=seen, side=view, **given)
 
 
 def _name_of(setting: str) -> str:

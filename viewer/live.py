@@ -29,6 +29,7 @@ class Played(Protocol):
 class Live:
     """Lets a session's time go by in a thread.
 
+    look : what the last frame showed.
     late : frames that were shown what there was, since a step was not done in time.
     """
 
@@ -38,7 +39,7 @@ class Live:
         self._owed = 0.0
         self._wishes: list[Callable[[Any], Any]] = []
         self._work: Future[Look] | None = None
-        self._look = session.look()
+        self.look = session.look()
         self.late = 0
 
     def frame(self, real_seconds: float) -> Look:
@@ -54,10 +55,10 @@ class Live:
         wait([self._work], timeout=self._patience)
         if not self._work.done():
             self.late += 1
-            return self._look
+            return self.look
         done, self._work = self._work, None
-        self._look = done.result()
-        return self._look
+        self.look = done.result()
+        return self.look
 
     def do(self, wish: Callable[[Any], Any]) -> None:
         """Have something done to the session before its time goes on: a reset, other settings, a pause."""

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from motion.errors import UserError
+
 from .cast import Member
 from .session import MOST, Look
 from .timeline import EXACTLY, Timeline
@@ -20,26 +22,31 @@ class Part:
 
 
 class Replay:
-    """What members did, again and again; see `viewer.session.Session` for what its parts mean.
+    """What members did from a time to another, seconds, again and again; by default until the longest one
+    ends. See `viewer.session.Session` for what its parts mean.
 
-    time : when the longest one ends. What is shown is always a time that is remembered.
+    What is shown is always a time that is remembered. Where nothing is between the times that is a UserError.
     """
 
-    begin = 0.0
     fixed: tuple[str, ...] = ()
 
-    def __init__(self, members: Sequence[Member]) -> None:
+    def __init__(self, members: Sequence[Member], start: float = 0.0, stop: float | None = None) -> None:
         if not members:
             raise ValueError("nothing to replay")
-        self.speed, self.paused, self.dropped, self.shown = 1.0, False, 0.0, 0.0
+        self.speed, self.paused, self.dropped = 1.0, False, 0.0
         self.actors: Mapping[str, Part] = {each.name: Part(each.timeline) for each in members}
-        self.time = max(each.timeline.end for each in members)
+        end = max(each.timeline.end for each in members)
+        self.begin, self.time = start, end if stop is None else min(stop, end)
+        if start > self.time:
+            what = f"nothing from {start:g} to {self.time:g} s"
+            raise UserError(what, remedy=f"the longest lasts {end:.2f} s")
+        self.shown = start
 
     def advance(self, real_seconds: float, *, budget: float = np.inf) -> None:
         """Let real time go by; after the end it begins again."""
         if not self.paused and real_seconds > 0:
             now = self.shown + min(real_seconds, MOST) * self.speed
-            self.shown = now if now <= self.time else 0.0
+            self.shown = now if now <= self.time else self.begin
 
     def single_step(self, *, back: bool = False) -> None:
         """Pause, and look at the next frame of any, or at the last one."""
@@ -54,13 +61,13 @@ class Replay:
     def scrub(self, moment: float | None) -> None:
         """Look at a time, and pause; None: at the end."""
         self.paused = True
-        self.shown = self.time if moment is None else min(max(moment, 0.0), self.time)
+        self.shown = self.time if moment is None else min(max(moment, self.begin), self.time)
 
     def resume(self) -> None:
         self.paused = False
 
     def reset(self) -> None:
-        self.shown = 0.0
+        self.shown = self.begin
 
     def look(self) -> Look:
         return Look(

@@ -226,6 +226,10 @@ class Workshop:
             self._work[name].cancel()
         self._work[name] = self._pool.submit(now.make, **options)
 
+    def __contains__(self, name: str) -> bool:
+        """Whether a system is being made, or is ready and was not given yet."""
+        return name in self._work
+
     @property
     def busy(self) -> tuple[str, ...]:
         """Names of those that are not ready."""

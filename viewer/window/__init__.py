@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import time
+from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from features.terrain import Ground
+import numpy as np
 
 from ..sources import Sources
+from ..views import SIDES, View
 from . import opening
 
 if TYPE_CHECKING:
@@ -19,42 +22,31 @@ SIZE = (1280, 800)
 def run(
     sources: Sources,
     *,
-    systems: Sequence[str] | None = None,
-    course: str | None = None,
-    settings: Mapping[str, str] | None = None,
-    ground: Ground | None = None,
-    shown: Sequence[str] | None = None,
-    ghost: bool = False,
     size: tuple[int, int] | None = None,
     dark: bool = False,
+    view: View | None = None,
+    side: str | None = None,
     on_frame: Callable[[Window], bool | None] | None = None,
-    **options: Any,
+    clock: Callable[[], float] = time.perf_counter,
+    **shown: Any,
 ) -> None:
     """Open a window and come back when it is closed.
 
     Parameters
     ----------
-    sources, systems, course, settings, ground, shown, ghost : see `viewer.window.players.Players`; without a
-        course whoever is driven is so by keys or a gamepad.
-    on_frame : see `viewer.window.app.Window`.
+    sources, shown : see `viewer.window.players.Players`.
+    view, side : how they are seen at first, and from which of `viewer.views.SIDES`: by default who is driven
+        by hand from the back, several from the front, one from a quarter.
+    on_frame, clock : see `viewer.window.app.Window`.
 
     Errors: UserError where no window can be opened here.
     """
     software = opening.check()
     from .. import scene
     from .app import Window
-    from .players import SHOWN, Players
+    from .players import Players
 
-    theme = scene.DARK if dark else scene.LIGHT
-    players = Players(
-        sources,
-        systems=systems,
-        course=course,
-        settings=settings,
-        ground=ground,
-        shown=SHOWN if shown is None else shown,
-        ghost=ghost,
-        theme=theme,
-        patience=options.pop("patience", None),
-    )
-    Window(players, size=size or SIZE, on_frame=on_frame, software=software, **options).run()
+    players = Players(sources, theme=scene.DARK if dark else scene.LIGHT, **shown)
+    usual = "back" if players.stick else "front" if len(players.stage.shows) > 1 else "quarter"
+    seen = replace(view or View(), azimuth=np.radians(SIDES[side or usual]))
+    Window(players, size=size or SIZE, view=seen, on_frame=on_frame, clock=clock, software=software).run()

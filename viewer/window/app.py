@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from open3d.visualization import gui, rendering
 
+from motion.errors import UserError
+
 from .. import views
 from ..controls import KEYS, TURN, of_keys
 from ..gamepad import Gamepad
@@ -20,9 +22,11 @@ from .drawing import Drawing
 from .eye import Eye
 from .players import Players
 from .side import Side
+from .watch import Watch
 
 SIDE, BELOW = 24, 4  # letters' heights that the tabs are wide, and the timeline is high
 REFRESH = 0.1  # seconds after which numbers and pictures at the side are new
+_LOOKS, _ROOM = 40, 1.5  # instants at which one looks what has to be seen; room for who is driven
 TOLD = 4.0  # seconds for which a line is told
 RATE, RATE_AT_FIRST, COMPILING = 15.0, 1.0, 6.0  # pictures a second without a card, and at first for seconds
 
@@ -34,8 +38,9 @@ class Window:
     ----------
     players : whom it shows.
     size : pixels.
+    view : how they are seen at first.
     clock : gives the time, seconds, by which frames follow one another.
-    on_frame : called in each frame, with the window; where it gives False the frame is not drawn.
+    on_frame : called in each frame, with the window; it may tell whether the frame is drawn.
     software : whether a processor draws, for want of a graphics card.
     """
 
@@ -60,8 +65,17 @@ class Window:
         self._line = gui.Label("")
         self._line.visible = False
         self.bar = Bar(players, em, tell=self.tell)
+        self.watch = Watch()
+        self._view = view or views.View(azimuth=np.pi)
         self.side = Side(
-            self.window, players, em, on_players=self._begin, on_camera=self._set_camera, tell=self.tell
+            self.window,
+            players,
+            em,
+            watch=self.watch,
+            camera=self._view.kind,
+            on_players=self._begin,
+            on_camera=self._set_camera,
+            tell=self.tell,
         )
         for child in (self.scene, self.bar.widget, self.side.widget, self._line):
             self.window.add_child(child)
@@ -73,7 +87,6 @@ class Window:
         self.pad = Gamepad()
         self.held: set[str] = set()
         self.frames = 0
-        self._view = view or views.View(azimuth=np.pi)
         self._before, self._told, self._refreshed = clock(), -np.inf, -np.inf
         self._mouse: tuple[int, int] | None = None
         self._error: BaseException | None = None
@@ -102,14 +115,16 @@ class Window:
 
     def _tick(self) -> bool:
         """A frame; whether it is to be drawn."""
+        begin = time.perf_counter()
         try:
             self._frame()
-            drawn = self._on_frame is None or self._on_frame(self) is not False
+            self.watch.take(begin, time.perf_counter())
+            drawn = None if self._on_frame is None else self._on_frame(self)
         except Exception as error:  # Open3D would print it and go on
             self._error, drawn = error, False
             self._on_frame = None
             self.close()
-        return drawn and self._in_time()
+        return self._in_time() if drawn is None else drawn
 
     def _in_time(self) -> bool:
         """Whether a picture may be asked for: Open3D lets them wait in line without an end where a processor
@@ -132,13 +147,20 @@ class Window:
             stick.hands = replace(hands, turn=0.0)  # the window's camera turns, and the stick's is set to it
             stick.camera_yaw = self.eye.yaw
         assert players.live is not None
-        look = players.live.frame(passed)
+        try:
+            look = players.live.frame(passed)
+        except UserError as error:  # what was asked of it cannot be
+            self.tell(str(error))
+            look = players.live.look
         self.eye.azimuth += hands.turn * TURN * passed
         self.eye.tilt(hands.tilt, passed)
         self._show(look, passed)
         if now - self._refreshed >= REFRESH:
             self._refreshed = now
-            players.take_made()
+            try:
+                players.take_made()
+            except UserError as error:
+                self.tell(str(error))
             self.bar.refresh(look.time, look.live)
             self.side.refresh(look.time, look.errors)
             self._line.visible = now - self._told < TOLD
@@ -146,27 +168,34 @@ class Window:
 
     def _show(self, look: Look, passed: float) -> None:
         stage = self.players.stage
-        stage.move_to(look.time)
+        self.players.move_to(look.time)
         self.camera = self.eye.move(views.goal(stage), passed)
         views.light(stage, self.camera)
         self.drawing.show(stage.scene, self.camera)
 
     def _begin(self) -> None:
         """Look at those who play now."""
-        players = self.players
-        frame = self.window.content_rect
+        session, driven = self.players.session, bool(self.players.names)
+        span = (
+            session.time if driven else session.begin,
+            session.time,
+        )  # who is driven goes nobody knows where
+        frame, view = self.window.content_rect, self._view
         seen = views.first_camera(
-            players.stage, [players.session.look().time], (frame.width, frame.height), self._view
+            self.players.stage, np.linspace(*span, _LOOKS).tolist(), (frame.width, frame.height), view
         )
         offset = seen.position - seen.target
         self.eye = Eye(
             seen.target,
             azimuth=float(np.arctan2(offset[0], offset[2])),
-            elevation=self._view.elevation,
-            distance=1.5 * seen.distance,
+            elevation=view.elevation,
+            distance=view.distance or seen.distance * (_ROOM if driven else 1.0),
+            kind=view.kind,
+            turn=view.turn,
         )
 
     def _set_camera(self, kind: str) -> None:
+        self._view = replace(self._view, kind=kind)
         self.eye.kind = kind
 
     # Hands
@@ -174,6 +203,8 @@ class Window:
     def on_key(self, event: Any) -> bool:
         """A key went down or up; whether that was for the window."""
         name, down = _NAMES.get(int(event.key)), event.type == gui.KeyEvent.Type.DOWN
+        if self.side.asking and down:
+            return False  # a file's name is written
         if name in KEYS:
             (self.held.add if down else self.held.discard)(name)
             return True

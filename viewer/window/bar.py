@@ -26,7 +26,7 @@ class Bar:
         self.slider = gui.Slider(gui.Slider.DOUBLE)
         self.slider.set_on_value_changed(lambda moment: self._slid(float(moment)))
         buttons = gui.Horiz(0.3 * em)
-        self._now = self._set = 0.0
+        self._set = 0.0
         self._play = gui.Button("Pause")
         self._slow = gui.Button("Slow")
         self._words = gui.Label(" " * 24)
@@ -48,7 +48,6 @@ class Bar:
     def refresh(self, now: float, live: bool) -> None:
         """Tell of where one looks."""
         session = self._players.session
-        self._now = now
         begin, end = session.begin, max(session.time, session.begin + 1e-3)
         self.slider.set_limits(begin, end)
         self.slider.double_value = self._set = min(max(now, begin), end)
@@ -84,7 +83,9 @@ class Bar:
         self._players.do(wish)
 
     def jump(self, kind: str, *, back: bool = False) -> None:
-        moment = self._players.jump(kind, self._now, back=back)
+        live = self._players.live
+        assert live is not None
+        moment = self._players.jump(kind, live.look.time, back=back)
         if moment is None:
             self._tell(f"no {JUMPS[kind]} {'before' if back else 'after'} this, of those remembered")
         else:

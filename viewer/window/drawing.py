@@ -192,7 +192,8 @@ class _Parts(_Drawn):
 
     def change(self, scene: Scene) -> None:
         layer = self.layer
-        made = (len(layer.transforms), tuple(map(id, layer.parts)), layer.opacity, layer.shadow, scene.theme)
+        shaded = casts(layer, scene)
+        made = (len(layer.transforms), tuple(map(id, layer.parts)), layer.opacity, shaded, scene.theme)
         if made != self._made:
             self.clear()
             self._made, self._names = made, tuple(self._make(scene))
@@ -214,9 +215,9 @@ class _Parts(_Drawn):
             for k, (shape, outline) in enumerate(zip(shapes_made, outlines, strict=True)):
                 name, shade = f"{self.name} {n} {k}", f"{self.name} {n} {k} shadow"
                 self.drawing.add(name, shape, solid(layer.opacity))
-                if layer.shadow:
+                if casts(layer, scene):
                     self.drawing.add(shade, outline, material("defaultUnlit"))
-                yield name, shade if layer.shadow else None
+                yield name, shade if casts(layer, scene) else None
 
     def clear(self) -> None:
         for name in [each for pair in self._names for each in pair if each is not None]:
@@ -239,7 +240,7 @@ class _Whole(_Drawn):
         if not len(mesh.triangles) or not np.isfinite(mesh.vertices).all():
             return
         self.drawing.add(self.name, mesh_of(mesh), solid(opacity))
-        if layer.shadow:
+        if casts(layer, scene):
             shade = f"{self.name} shadow"
             self.drawing.add(shade, mesh_of(mesh, shade_of(scene)), material("defaultUnlit"))
             self.drawing.place(shade, pressed(scene.sun))
@@ -369,6 +370,11 @@ def lines_of(points: ArrayLike, pieces: ArrayLike, colours: ArrayLike) -> Any:
     )
     made.colors = o3d.utility.Vector3dVector(np.asarray(colours, np.float64))
     return made
+
+
+def casts(layer: Solids | Surface | Arrows, scene: Scene) -> bool:
+    """Whether a layer has a shadow: only level ground shows it."""
+    return layer.shadow and scene.ground is not None
 
 
 def pressed(sun: Sun) -> Array:

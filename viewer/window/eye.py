@@ -12,8 +12,6 @@ from ..controls import TURN
 DRAG = 0.006  # radians a pixel
 WHEEL = 0.9  # of the distance that is left after one notch nearer
 LOWEST, HIGHEST = np.radians(-5.0), np.radians(88.0)
-_TURN = 8.0  # seconds of an orbit
-KINDS = ("follow", "orbit", "fixed")
 
 
 class Eye:
@@ -23,10 +21,20 @@ class Eye:
     ----------
     kind : follow moves along with whom it looks at; orbit goes around them, too; fixed stays where it is.
     azimuth, elevation, distance : from where it looks, see `viewer.camera.orbit`.
+    turn : seconds in which it goes around them once.
     """
 
-    def __init__(self, target: ArrayLike, *, azimuth: float, elevation: float, distance: float) -> None:
-        self.kind = "follow"
+    def __init__(
+        self,
+        target: ArrayLike,
+        *,
+        azimuth: float,
+        elevation: float,
+        distance: float,
+        kind: str = "follow",
+        turn: float = 8.0,
+    ) -> None:
+        self.kind, self.turn = kind, turn
         self.azimuth, self.elevation, self.distance = azimuth, elevation, distance
         self._target = np.asarray(target, np.float64)
 
@@ -50,7 +58,7 @@ class Eye:
     def move(self, goal: ArrayLike, dt: float) -> Camera:
         """The camera dt seconds later, as what it follows is at goal [3]."""
         if self.kind == "orbit":
-            self.azimuth += 2 * np.pi * dt / _TURN
+            self.azimuth += 2 * np.pi * dt / self.turn
         if self.kind != "fixed":
             self._target = camera.follow(self.now(), goal, dt).target
         return self.now()

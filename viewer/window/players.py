@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from features.terrain import Ground, flat
 from mm import courses
 from mm.runs import fitted
-from motion import config
 from motion.errors import UserError
 
-from .. import cast, layers, moments, played, scene
+from .. import cast, layers, moments, played, scene, shows
 from ..cast import Member
 from ..controls import Stick, on_course, speeds_of
+from ..layers.terrain import Patch
 from ..live import Live
 from ..offscreen import marks_of
 from ..played import Played
@@ -23,7 +25,8 @@ from ..sources import Sources
 from ..stage import Stage
 from ..tuning import Tuning, Workshop
 
-SHOWN = ("trajectory",)
+SHOWN, UNEVEN = ("trajectory",), ("contacts",)  # uneven ground shows no shadows
+LANE = 1.4  # metres between who stand side by side on one ground
 
 
 class Players:
@@ -32,10 +35,12 @@ class Players:
     Parameters
     ----------
     sources : what was given; runs and clips alone are replayed.
-    systems : who is driven, by default all that can be.
-    course : what they are asked; None for a user's hands.
-    settings : TOML files by the names of systems, under "" that of the others.
-    shown : of `viewer.layers.DRAWN`, what is drawn about them.
+    systems, course, settings, ground : who is driven, see `viewer.cast.chosen`; without a course by a user's
+        hands.
+    start, stop : seconds of what is replayed.
+    shown : of `viewer.offscreen.DRAWABLE`, what is drawn about them; None: the usual.
+    ghost : whether the second of two stands in the first one's place, clear.
+    names : whether their names stand above them, by default those of several.
 
     Attributes
     ----------
@@ -53,46 +58,75 @@ class Players:
         course: str | None = None,
         settings: Mapping[str, str] | None = None,
         ground: Ground | None = None,
-        shown: Sequence[str] = SHOWN,
+        start: float = 0.0,
+        stop: float | None = None,
+        shown: Sequence[str] | None = None,
         ghost: bool = False,
+        names: bool | None = None,
         theme: scene.Theme = scene.LIGHT,
         patience: float | None = None,
     ) -> None:
-        self.recorded = cast.given(sources)
-        replays = bool(self.recorded) and systems is None and course is None
-        parts = {} if replays and not (sources.clips and sources.models) else sources.parts(systems)
-        files = settings or {}
-        self.tunings = {}
-        for name, part in parts.items():
-            path = files.get(name, files.get(""))
-            self.tunings[name] = Tuning(
-                part, None if path is None else config.load(part.driven.settings, path)
-            )
+        parts = cast.chosen(sources, systems, course=course, settings=settings, ground=ground)
+        self.recorded = cast.given(sources, ground=ground)
         if not parts and not self.recorded:
             raise UserError("nothing to show", remedy="give clips, a database, a model or a recorded run")
+        if parts and (start or stop is not None):
+            remedy = "leave --from and --to out, or draw a film: --offscreen OUT.mp4"
+            raise UserError("who is driven in a window begins now, and goes on", remedy=remedy)
+        tuned = cast.settings_of(parts, settings or {})
+        self.tunings = {name: Tuning(part, tuned[name]) for name, part in parts.items()}
         self._course = None if course is None else courses.load(course)
-        self._ground, self._theme = ground, theme
+        self._ground, self._theme, self._named, self._span = ground, theme, names, (start, stop)
         self._patience: dict[str, float] = {} if patience is None else {"patience": patience, "budget": 1e9}
-        self.shown, self.ghost = set(shown), ghost
+        usual = SHOWN + (UNEVEN if ground is not None else ())
+        self.shown, self.ghost = set(usual if shown is None else shown), False
         self.workshop = Workshop()
         self.live: Live | None = None
         self.choose(list(parts))
+        self.set_ghost(ghost)
 
     def choose(self, names: Sequence[str]) -> None:
         """Let these systems begin together; none: the recordings alone."""
         self.close_live()
         self.names = [name for name in self.tunings if name in names]
-        self.session: Session | Replay = self._session() if self.names else Replay(self.recorded)
+        self.session: Session | Replay
+        self.session = self._session() if self.names else Replay(self.recorded, *self._span)
         self.live = Live(self.session, **self._patience)
         self.members = [*self.recorded, *map(self._member, self.names)]
+        self.ghost = self.ghost and len(self.members) == 2
+        self.dress()
+
+    def set_ghost(self, on: bool) -> None:
+        """Put the second of two into the first one's place, or beside it; a UserError where there are not
+        two."""
+        if on and len(self.members) != 2:
+            raise UserError(f"a ghost among {len(self.members)}", remedy="choose two systems: --systems")
+        self.ghost = on
         self.dress()
 
     def dress(self) -> None:
         """Put all on a stage, with what is drawn about them."""
-        over = self.members[1] if self.ghost and len(self.members) == 2 else None
+        over = self.members[1] if self.ghost else None
         who = self.members[:1] if over is not None else self.members
         marks = [marks_of(each, [n for n in layers.DRAWN if n in self.shown], over=over) for each in who]
-        self.stage = Stage([each.show for each in who], theme=self._theme, names=len(who) > 1, marks=marks)
+        names = len(who) > 1 if self._named is None else self._named
+        uneven = next((each.ground for each in who if each.ground is not flat), None)
+        self._patch = None if uneven is None else Patch(uneven)
+        self.stage = Stage(
+            [each.show for each in who],
+            theme=self._theme,
+            names=names,
+            marks=marks,
+            lanes=uneven is None,
+        )
+
+    def move_to(self, time: float) -> None:
+        """Show the poses at a time, and the ground that they are on."""
+        self.stage.move_to(time)
+        if self._patch is not None:
+            ground = self._patch.around(self.stage.roots[:, [0, 2]])
+            if ground is not None:
+                self.stage.lay(0, ground)
 
     def do(self, wish: Any) -> None:
         """Have something done to the session."""
@@ -121,12 +155,20 @@ class Players:
                 found.append(step / timeline.fps)
         return (max if back else min)(found, default=None)
 
+    def remembered(self, member: Member) -> Member:
+        """One with the run and the poses that its timeline remembers, of who is driven."""
+        if member in self.recorded:
+            return member
+        run = member.timeline.recording()
+        show = shows.of_recording(run, name=member.name, shape=member.show.body)
+        return cast.of_run(member.name, run, member.data, show=show)
+
     def tune(self, name: str, rebuilds: bool) -> None:
         """Let a driven system go by what its sliders are at."""
         tuning = self.tunings[name]
         if name not in self.names:
             return
-        if rebuilds or name in self.session.fixed:
+        if rebuilds or name in self.workshop or name in self.session.fixed:
             self.workshop.start(name, tuning, **self._about(name))
         else:
             settings = tuning.settings
@@ -153,7 +195,10 @@ class Players:
         systems = {name: self.tunings[name].make(**self._about(name)) for name in self.names}
         if self._asked is not None:
             return Session(systems, on_course(self._asked, len(systems)))
-        return Session(systems, Stick(len(systems), speeds=speeds_of(first)))
+        starts = np.zeros((len(systems), 2))
+        if self._ground is not None:  # in one world, and not each at the beginning of its own
+            starts[:, 0] = LANE * (np.arange(len(systems)) - (len(systems) - 1) / 2)
+        return Session(systems, Stick(len(systems), speeds=speeds_of(first), starts=starts))
 
     def _about(self, name: str) -> dict[str, Any]:
         obstacles = () if self._asked is None else self._asked.obstacles()

@@ -12,15 +12,18 @@ from open3d.visualization import gui
 
 from motion.errors import UserError
 
-from .. import layers, panel
+from .. import export, layers, panel, views
 from ..controls import KEYS
-from ..tuning import Slider, Tuning
+from ..tuning import Slider
 from . import searches
-from .eye import KINDS
 from .players import Players
+from .watch import Watch
 
 TABS = ("Systems", "Settings", "Show", "Search", "Plots")
+SETTINGS = {".toml": "settings (.toml)"}
+MOTION = {".bvh": "motion (.bvh)", ".glb": "motion with the body (.glb)", ".rec": "runs (.rec)"}
 SEARCH_SIZE = (440, 560)
+_ROUNDED = 1e-5  # of a slider's length
 _AFTER = "space: pause or go on   . and ,: a step on and back   M: slow   R: reset"
 
 
@@ -31,8 +34,15 @@ class Side:
     ----------
     players : whom they tell of, and change.
     em : pixels of a letter's height.
+    watch : tells how long frames take.
+    camera : which of `viewer.views.KINDS` it is at first.
     on_players : called when others play than before.
     tell : shows a user a line.
+
+    Attributes
+    ----------
+    sliders : widgets by the names of settings and features; buttons by what stands on them.
+    asking : whether a user is asked for a file, and writes its name.
     """
 
     def __init__(
@@ -41,14 +51,19 @@ class Side:
         players: Players,
         em: float,
         *,
+        watch: Watch,
+        camera: str,
         on_players: Callable[[], None],
         on_camera: Callable[[str], None],
         tell: Callable[[str], None],
     ) -> None:
         self._window, self._players, self._em, self._tell = window, players, em, tell
-        self._on_players, self._on_camera = on_players, on_camera
+        self._on_players, self._on_camera, self._camera = on_players, on_camera, camera
+        self._watch = watch
         self.widget = gui.TabControl()
         self.sliders: dict[str, Any] = {}
+        self.buttons: dict[str, Any] = {}
+        self.asking = False
         self._tuned = players.names[0] if players.names else ""
         self._settings = gui.WidgetProxy()
         self._picture, self._plot = gui.ImageWidget(), gui.ImageWidget()
@@ -57,6 +72,8 @@ class Side:
             TABS, (self._systems(), self._tuning(), self._show(), self._picture, self._plot), strict=True
         ):
             self.widget.add_tab(name, made)
+        if players.shown & set(panel.PARTS):
+            self.widget.selected_tab_index = TABS.index("Plots")
 
     # What is told, a few times a second
 
@@ -78,15 +95,15 @@ class Side:
             self._put(self._plot, self.plots(time))
 
     def plots(self, time: float) -> Any:
-        """The panels of all, one below the other, uint8 [H, W, 3]."""
-        theme, made = self._players.stage.scene.theme, []
-        for member in self._players.members[:3]:
-            told = panel.Gauge(
-                member, tuple(panel.PARTS), since=member.timeline.step_at(time - panel.HISTORY - 1)
-            )
-            stamp = panel.drawn(told.at(time), theme, 1.4 * self._em / 15)
-            made.append(stamp[..., :3])
-        return np.concatenate(made)
+        """The panels of all and of the window, one below the other, uint8 [H, W, 3]."""
+        players = self._players
+        parts = [part for part in panel.PARTS if part in players.shown] or list(panel.PARTS)
+        told = [self._watch.told()]
+        for member in players.members:
+            since = member.timeline.step_at(time - panel.HISTORY - 1)
+            told.append(panel.Gauge(member, parts, since=since).at(time))
+        scale = 1.4 * self._em / 15
+        return np.concatenate([panel.drawn(each, players.stage.scene.theme, scale)[..., :3] for each in told])
 
     def _put(self, widget: Any, picture: Any) -> None:
         # A texture keeps its size: one of another size would be a new one, and the old ones are kept.
@@ -101,8 +118,11 @@ class Side:
 
     # Tabs
 
+    def _column(self) -> Any:
+        return gui.Vert(0.4 * self._em, gui.Margins(*[0.5 * self._em] * 4))
+
     def _systems(self) -> Any:
-        column = gui.Vert(0.4 * self._em, gui.Margins(0.5 * self._em, 0.5 * self._em, 0, 0))
+        column = self._column()
         for name in self._players.tunings:
             box = gui.Checkbox(name)
             box.checked = name in self._players.names
@@ -110,6 +130,8 @@ class Side:
             column.add_child(box)
         for member in self._players.recorded:
             column.add_child(gui.Label(member.name))
+        self.buttons["Export..."] = _button("Export...", self._export)
+        column.add_child(self.buttons["Export..."])
         self._state = gui.Label("")
         column.add_child(self._state)
         lines = [f"{key.lower()}: {binding.about}" for key, binding in KEYS.items()]
@@ -124,24 +146,26 @@ class Side:
             self._tell("one system has to stay")
             return
         players.choose(wanted)
+        self._ghost.checked = players.ghost
         self._on_players()
 
     def _show(self) -> Any:
-        column = gui.Vert(0.4 * self._em, gui.Margins(0.5 * self._em, 0.5 * self._em, 0, 0))
+        column = self._column()
         self.shown: dict[str, Any] = {}
         for name, (about, _) in layers.DRAWN.items():
             box = self.shown[name] = gui.Checkbox(name)
             box.checked, box.tooltip = name in self._players.shown, about
             box.set_on_checked(partial(self.show, name))
             column.add_child(box)
-        ghost = gui.Checkbox("ghost: the second of two in the first one's place")
-        ghost.checked = self._players.ghost
-        ghost.set_on_checked(self._set_ghost)
-        column.add_child(ghost)
+        self._ghost = gui.Checkbox("ghost: the second of two in the first one's place")
+        self._ghost.checked = self._players.ghost
+        self._ghost.set_on_checked(self._set_ghost)
+        column.add_child(self._ghost)
         column.add_child(gui.Label("camera"))
         kinds = gui.Combobox()
-        for kind in KINDS:
+        for kind in views.KINDS:
             kinds.add_item(kind)
+        kinds.selected_text = self._camera
         kinds.set_on_selection_changed(lambda name, _: self._on_camera(name))
         column.add_child(kinds)
         return column
@@ -152,11 +176,14 @@ class Side:
         self._players.dress()
 
     def _set_ghost(self, on: bool) -> None:
-        self._players.ghost = on
-        self._players.dress()
+        try:
+            self._players.set_ghost(on)
+        except UserError as error:
+            self._ghost.checked = False
+            self._tell(str(error))
 
     def _tuning(self) -> Any:
-        column = gui.Vert(0.4 * self._em, gui.Margins(0.5 * self._em, 0.5 * self._em, 0, 0))
+        column = self._column()
         if not self._players.tunings:
             column.add_child(gui.Label("nobody is driven"))
             return column
@@ -167,9 +194,8 @@ class Side:
         who.set_on_selection_changed(lambda name, _: self._tune(name))
         buttons = gui.Horiz(0.3 * self._em)
         for words, what in (("Reset", self._reset), ("Load...", self._load), ("Save...", self._save)):
-            button = gui.Button(words)
-            button.set_on_clicked(what)
-            buttons.add_child(button)
+            self.buttons[words] = _button(words, what)
+            buttons.add_child(self.buttons[words])
         for child in (who, buttons, self._settings):
             column.add_child(child)
         self._tune(self._tuned)
@@ -211,10 +237,7 @@ class Side:
             widget.set_on_selection_changed(lambda text, _: moved(text))
         else:
             rows.add_child(gui.Label(title if value is not None else f"{title}: told by the data"))
-            widget = gui.Slider(gui.Slider.DOUBLE)
-            widget.set_limits(slider.low, slider.high)
-            widget.double_value = slider.low if value is None else float(value)
-            widget.set_on_value_changed(moved)
+            widget = _number(slider, slider.low if value is None else float(value), moved)
         widget.tooltip = slider.about
         self.sliders[slider.name] = widget
         rows.add_child(widget)
@@ -227,25 +250,67 @@ class Side:
         self._players.tune(self._tuned, rebuilds)
         self._tune(self._tuned)
 
-    def _load(self) -> None:
-        def load(tuning: Tuning, path: str) -> None:
-            self._tuned_anew(tuning.load(path))
+    # Files
 
-        self._ask(gui.FileDialog.OPEN, "Settings to load", load)
+    def _load(self) -> None:
+        def load(path: str) -> None:
+            self._tuned_anew(self._players.tunings[self._tuned].load(path))
+
+        self._ask(gui.FileDialog.OPEN, "Settings to load", SETTINGS, load)
 
     def _save(self) -> None:
-        self._ask(gui.FileDialog.SAVE, "Where to save the settings", Tuning.save)
+        def save(path: str) -> None:
+            self._players.tunings[self._tuned].save(path)
+            self._tell(f"wrote {path}")
 
-    def _ask(self, mode: Any, title: str, then: Callable[[Tuning, str], None]) -> None:
+        self._ask(gui.FileDialog.SAVE, "Where to save the settings", SETTINGS, save)
+
+    def _export(self) -> None:
+        def write(path: str) -> None:
+            made = export.write([self._players.remembered(each) for each in self._players.members], path)
+            self._tell(f"wrote {', '.join(map(str, made))}")
+
+        self._ask(gui.FileDialog.SAVE, "Where to write what they did", MOTION, write)
+
+    def _ask(self, mode: Any, title: str, kinds: dict[str, str], then: Callable[[str], None]) -> None:
+        """Have a file named."""
+
         def done(path: str) -> None:
-            self._window.close_dialog()
+            close()
             try:
-                then(self._players.tunings[self._tuned], path)
+                then(path)
             except UserError as error:
                 self._tell(str(error))
 
+        def close() -> None:
+            self.asking = False
+            self._window.close_dialog()
+
         dialog = gui.FileDialog(mode, title, self._window.theme)
-        dialog.add_filter(".toml", "settings (.toml)")
-        dialog.set_on_cancel(self._window.close_dialog)
+        for suffix, about in kinds.items():
+            dialog.add_filter(suffix, about)
+        dialog.set_on_cancel(close)
         dialog.set_on_done(done)
+        self.asking = True
         self._window.show_dialog(dialog)
+
+
+def _button(words: str, what: Callable[[], None]) -> Any:
+    made = gui.Button(words)
+    made.set_on_clicked(what)
+    made.vertical_padding_em = 0.0
+    return made
+
+
+def _number(slider: Slider, value: float, moved: Callable[[Any], None]) -> Any:
+    def slid(now: Any) -> None:
+        nonlocal value
+        if abs(now - value) > _ROUNDED * (slider.high - slider.low):  # it also tells of what it was set to
+            value = now
+            moved(now)
+
+    made = gui.Slider(gui.Slider.DOUBLE)
+    made.set_limits(slider.low, slider.high)
+    made.double_value = value
+    made.set_on_value_changed(slid)
+    return made
