@@ -18,7 +18,7 @@ PARTS = {"training": "training", "held_out": "held out"}
 # What errors of stages (`Stage.evaluate`) are, for people who read a table of them.
 ERRORS = {
     "error_cm": "joints off, cm",
-    "regret": "distance from the query / true neighbour's",
+    "regret": "query distance / true neighbour's",
     "latent": "latents off / their spread",
     "ran_away": "share of queries left out, far off the data",
 }
@@ -89,6 +89,7 @@ def show(facts: dict[str, Any]) -> None:
         for name, network in facts["networks"].items()
     ]
     console.print_table(rows)
+    print()
     show_errors(facts["errors"])
 
 
@@ -137,7 +138,7 @@ def _told(keys: Sequence[str]) -> str:
     else:
         words = ERRORS.get(plain, plain.replace("_", " "))
     stage = " ".join(stages).replace("_", " ")
-    return f"{stage}{', on its own queries' * own}: {words}" if stage else words
+    return f"{stage}{', own queries' * own}: {words}" if stage else words
 
 
 def _flat(values: dict[str, Any], keys: tuple[str, ...] = ()) -> list[tuple[tuple[str, ...], Any]]:

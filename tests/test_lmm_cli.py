@@ -124,7 +124,7 @@ def test_errors_are_told_in_words_stage_by_stage(capsys: pytest.CaptureFixture[s
         "stepper: joints off after 10 frames, cm",
         "stepper: joints off after 20 frames, cm",
         "stepper: joints off after 60 frames, cm",
-        "closed loop, on its own queries: distance from the query / true neighbour's",
+        "closed loop, own queries: query distance / true neighbour's",
     ]
 
 
@@ -187,7 +187,11 @@ def test_a_phase_functioned_network_is_trained_and_told_of(
     for mode, sets in (("cubic", 4), ("linear", 10), ("constant", 50)):
         assert facts["bytes"][mode] == sets * 4 * network.parameters
         assert f"{mode} {facts['bytes'][mode] / 1e6:.2f}" in shown
-    assert facts["kind"] == "pfnn" and "-".join(map(str, network.sizes)) in shown and "after 30 cm" in shown
+    assert (
+        facts["kind"] == "pfnn"
+        and "-".join(map(str, network.sizes)) in shown
+        and "after 30 frames, cm" in shown
+    )
 
     assert "give --model pfnn too" in _lmm("train", db, "-o", out, "--configuration", "holden").stderr
 
