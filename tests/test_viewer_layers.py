@@ -272,6 +272,11 @@ def test_a_legend_says_what_colours_mean_and_when_it_is() -> None:
     assert np.array_equal(one[:, :400], other[:, :400]) and not np.array_equal(one[:, 560:], other[:, 560:])
     (narrow,) = legend.on([np.full((360, 120, 3), 250, np.uint8)], [1.0], keys, LIGHT)
     assert narrow.shape == (360, 120, 3)
+    cells = [np.full((200, 300, 3), 250, np.uint8) for _ in range(3)]
+    plain, keyed = (offscreen.joined(cells, offscreen.Look(shown=shown)) for shown in ([], ["contacts"]))
+    assert plain.shape == keyed.shape == (200, 900, 3)
+    changed = (plain != keyed).any(axis=-1)
+    assert changed[:40, :300].any() and not changed[40:].any()
 
 
 def test_a_panel_of_a_crowd_says_of_whom_it_is(members: dict[str, Member]) -> None:

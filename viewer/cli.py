@@ -313,7 +313,8 @@ def _draw(
         times = np.linspace(start, stop, filmstrip).tolist()
         rows = len(members) if apart else 1
         cells = pictures.strip(members, look, times, size or (CELL[0] * filmstrip, CELL[1] * rows), seen)
-        drawn = iter([views.joined(console.progress(cells, label="drawing", total=filmstrip, unit="poses"))])
+        poses = console.progress(cells, label="drawing", total=filmstrip, unit="poses")
+        drawn = iter([pictures.joined(poses, look)])
     else:
         times = [start] if form == ".png" else np.arange(start, stop + 1e-6, 1 / rate).tolist()
         frames = pictures.filmed(members, look, times, size or SIZE, seen)

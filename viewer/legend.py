@@ -58,11 +58,19 @@ def on(
         top = height - round(2.2 * size)
         moment = _line((), f"{time:.2f} s", size, theme)
         right = width - size // 2 - moment.shape[1]
-        while (line := _line(tuple(keys), "", size, theme)).shape[1] > right and keys:
-            keys = keys[:-1]
-        text.put(picture, line, size // 2, top)
+        put(picture, keys, theme, size, room=right, top=top)
         text.put(picture, moment, right, top)
         yield picture
+
+
+def put(
+    picture: Image, keys: Sequence[Key], theme: Theme, size: int, *, room: int | None = None, top: int = 0
+) -> None:
+    """Lay keys in letters of a size (pixels) over a picture, as many as there is room for from the left."""
+    room = picture.shape[1] if room is None else room
+    while (line := _line(tuple(keys), "", size, theme)).shape[1] > room and keys:
+        keys = keys[:-1]
+    text.put(picture, line, size // 2, top)
 
 
 @functools.lru_cache(maxsize=64)

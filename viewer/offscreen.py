@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -93,8 +93,7 @@ def filmed(
     if gauges:
         pictures = panel.on(pictures, times, gauges, look.theme, apart=look.apart)
     if look.shown or look.ghost:
-        keys = legend.of([*look.shown, *["ghost"] * look.ghost])
-        pictures = legend.on(pictures, times, keys, look.theme)
+        pictures = legend.on(pictures, times, _keys(look), look.theme)
     return pictures
 
 
@@ -110,3 +109,14 @@ def strip(
     ]
     for cells in zip(*rows, strict=True):
         yield np.concatenate(cells, axis=0)
+
+
+def joined(cells: Iterable[Image], look: Look) -> Image:
+    """The parts of a strip as one picture, with its legend."""
+    whole = views.joined(cells)
+    legend.put(whole, _keys(look), look.theme, max(12, round(0.01 * whole.shape[1])))
+    return whole
+
+
+def _keys(look: Look) -> list[legend.Key]:
+    return legend.of([*look.shown, *["ghost"] * look.ghost])
