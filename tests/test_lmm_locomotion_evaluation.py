@@ -188,7 +188,7 @@ def test_a_network_that_puts_out_no_numbers_misses_its_targets(truth):
         run = {"drift": free_runs.drift(lost, "training", runs=5).table()}
         poses = frames.poses(lost, frames.step(lost))
     rows = locomotion.targets(_found(poses=poses, free_run={"training": run}))
-    assert [row["met"] for row in rows[:2]] == [False, False]
+    assert [row["met"] for row in rows[:3]] == [False, False, False]
 
 
 def test_who_learned_to_go_up_and_down_is_judged_on_level_ground_and_that_is_told(phased, database):
@@ -211,7 +211,7 @@ def _found(**changes: Any) -> dict[str, Any]:
     found: dict[str, Any] = {
         "kind": "pfnn",
         "database": {"fps": 30.0},
-        "poses": {"training": {}, "held_out": {"position_cm": {"mean": 2.5}}},
+        "poses": {"training": {}, "held_out": {"position_cm": {"mean": 2.5}, "rotation_deg": {"mean": 4.5}}},
         "free_run": {"training": {"drift": [{"steps": 10, "joints_cm": 4.0}]}, "held_out": {"drift": []}},
         "costs": [
             {"frame_us": 500.0, "network_us": 400.0},
@@ -235,9 +235,10 @@ def _found(**changes: Any) -> dict[str, Any]:
 
 def test_targets_by_hand():
     rows = locomotion.targets(_found())
-    assert rows[1]["what"] == "drift after 10 frames (0.33 s), training clips, cm"
+    assert rows[2]["what"] == "drift after 10 frames (0.33 s), training clips, cm"
     assert [(row["found"], row["met"]) for row in rows] == [
         (2.5, False),
+        (4.5, True),
         (4.0, True),
         (51.0, False),
         (3.0, False),
@@ -246,7 +247,7 @@ def test_targets_by_hand():
         (300.0, True),
         (None, True),
     ]
-    assert [row["what"].rpartition(" ")[2] for row in rows[2:4]] == ["(star)", "(random)"]
+    assert [row["what"].rpartition(" ")[2] for row in rows[3:5]] == ["(star)", "(random)"]
     lame = [{"system": "mm", "stall_s": 4.0}, {"system": "pfnn"}]
     row = next(r for r in locomotion.targets(_found(systems=lame)) if "without a step" in r["what"])
     assert row == {"what": row["what"], "at most": 4.0, "found": 3.0, "met": True}

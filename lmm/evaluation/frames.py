@@ -135,7 +135,7 @@ def step(truth: Truth, mode: Mode = "cubic", products: Products = "float32") -> 
         real, made = layout.unpack_outputs(frames.y[rows]), layout.unpack_outputs(y)
         apart = np.linalg.norm(made.positions - real.positions, axis=-1)
         position[rows] = 100 * metrics.or_infinite(apart)
-        rotation[rows] = np.degrees(quat.angle_between(real.rotations, made.rotations))
+        rotation[rows] = np.degrees(metrics.or_infinite(quat.angle_between(real.rotations, made.rotations)))
         velocity[rows] = 100 * np.linalg.norm(made.velocities - real.velocities, axis=-1)
         relative[rows] = metrics.relative_error(real.positions, made.positions)
         root[rows] = 100 * np.linalg.norm(made.root_velocity - real.root_velocity, axis=-1)
