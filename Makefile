@@ -10,8 +10,8 @@ DANCE := out/dancecard
 DATA ?= $(DANCE)
 ifeq ($(DATA),$(DANCE))
 TAGS ?= $(DANCE)/tags.csv
-MODEL ?= dancecard
-SYSTEMS ?= mm-exact,mm-exact-free,lmm
+MODELS ?= dancecard dancecard.pfnn
+SYSTEMS ?= mm-exact,mm-exact-free,lmm,pfnn
 endif
 # Clips of CMU by their usual folder.
 ifneq ($(filter %cmu/asfamc,$(patsubst %/,%,$(DATA))),)
@@ -20,7 +20,7 @@ EXCLUDE ?= 02_04 16_0[1-79] 127_2[1-9] 127_3*
 endif
 OUT ?= out/demo
 VENV ?= .venv
-PYTEST_FLAGS ?= -n auto
+PYTEST_FLAGS ?= -n auto --dist worksteal
 
 BIN := $(VENV)/bin
 CORE := $(VENV)/.core
@@ -40,7 +40,7 @@ ifeq ($(DATA),$(DANCE))
 endif
 	@test -e "$(DATA)" || { \
 	  echo "error: no clips at $(DATA); say where yours are: make demo DATA=FOLDER (BVH or ASF/AMC)" >&2; exit 2; }
-	$(BIN)/python -m bench compare "$(DATA)" $(if $(TAGS),--tags "$(TAGS)") $(if $(MODEL),--model "$(MODEL)") \
+	$(BIN)/python -m bench compare "$(DATA)" $(if $(TAGS),--tags "$(TAGS)") $(foreach model,$(MODELS),--model "$(model)") \
 	  $(if $(SYSTEMS),--systems "$(SYSTEMS)") $(foreach pattern,$(EXCLUDE),--exclude '$(pattern)') --repeats 1 --no-crowds -o "$(OUT)"
 
 # Their fingerprints are checked by tests/test_lmm_pretrained.py.
@@ -52,6 +52,10 @@ pretrained: $(DEV)
 	$(BIN)/python -m lmm train "$(PRETRAINED)/dancecard.mmdb" -o "$(PRETRAINED)/dancecard.lmm" --preset $(PRESET) --held-out 0 \
 	  $(if $(wildcard $(PRETRAINED)/dancecard.lmm.checkpoint),--resume)
 	$(BIN)/python -m lmm convert "$(PRETRAINED)/dancecard.lmm" -o lmm/pretrained/dancecard.lmm --weights float16 \
+	  --db "$(PRETRAINED)/dancecard.mmdb"
+	$(BIN)/python -m lmm train "$(PRETRAINED)/dancecard.mmdb" --model pfnn -o "$(PRETRAINED)/dancecard.pfnn" --preset $(PRESET) \
+	  $(if $(wildcard $(PRETRAINED)/dancecard.pfnn.checkpoint),--resume)
+	$(BIN)/python -m lmm convert "$(PRETRAINED)/dancecard.pfnn" -o lmm/pretrained/dancecard.pfnn --weights float16 \
 	  --db "$(PRETRAINED)/dancecard.mmdb"
 
 test: $(DEV)

@@ -12,6 +12,8 @@ import numpy as np
 from motion import console
 from motion.errors import UserError
 
+from .locomotion.model import LocomotionModel
+
 if TYPE_CHECKING:
     from mm.database import Database
 
@@ -157,50 +159,72 @@ def import_(directory: str, db: str | None, animations: str | None, output: str)
 def convert(
     model: str, output: str, weights: Any, without_compressor: bool, db: str | None, as_json: bool
 ) -> None:
-    """Store the weights of a learned motion matching model in another type; tells what that saves and loses.
+    """Store the weights of a model in another type; tells what that saves and loses.
 
-    int8 has a scale for each output of a layer. The compressor, which no character needs at run time, becomes
-    float16 then.
-
-    Other networks are stored as they were trained; `run --weights` converts them when it loads them.
+    int8, of learned motion matching alone, has a scale for each output of a layer. The compressor, which no
+    character needs at run time, becomes float16 then.
 
     With --db errors of poses, in cm and degrees, are measured on training clips and on held-out clips, for
-    the model before and after. stepper_change and projector_change tell how much the answers of these
-    networks change, as a share of how much they vary.
+    the model before and after; of networks that a trajectory drives, those of one step. stepper_change and
+    projector_change tell how much the answers of these networks change, as a share of how much they vary.
     """
     from mm.database import Database
     from motion import files
 
+    from . import models
     from .model import Model
 
     files.check_output(output, inputs=[model, db])
-    before = Model.load(model)
+    before = models.load(model)
+    if without_compressor and not isinstance(before, Model):
+        raise UserError(f"a {before.kind} has no compressor", path=model, remedy="leave out the option")
     database = Database.load(db) if db else None
     if database is not None:
         before.check(database, model)
-    after = before.as_type(weights)
-    if without_compressor:
+    after, _ = models.with_weights(before, weights)
+    if without_compressor and isinstance(after, Model):
         after = after.without_latents()
     after.save(output)
     rows = [_row(path, found) for path, found in ((model, before), (output, after))]
     if database is not None:
         for row, found in zip(rows, (before, after), strict=True):
-            row |= _errors(before, found, database)
+            if isinstance(before, Model) and isinstance(found, Model):
+                row |= _errors(before, found, database)
+            elif isinstance(found, LocomotionModel):
+                row |= _step_errors(found, database)
     if as_json:
         console.print_json(rows)
     else:
         console.print_table([{key.replace("_", " "): value for key, value in row.items()} for row in rows])
 
 
-def _row(path: str, model: Model) -> dict[str, Any]:
+def _row(path: str, model: Model | LocomotionModel) -> dict[str, Any]:
     from . import pretrained
 
+    size = pretrained.find(path).stat().st_size
+    if isinstance(model, LocomotionModel):
+        parts = {f"{name}_bytes": found for name, found in model.weight_bytes().items()}
+        return {"model": path, "weights": model.network.weight_type, "file_bytes": size, **parts}
     return {
         "model": path,
         "weights": model.decompressor.weight_type,
         "compressor": model.compressor.weight_type if model.compressor else None,
-        "file_bytes": pretrained.find(path).stat().st_size,
+        "file_bytes": size,
         "runtime_bytes": sum(model.memory().values()),
+    }
+
+
+def _step_errors(model: LocomotionModel, database: Database) -> dict[str, Any]:
+    """Of one step of a network that a trajectory drives."""
+    from .evaluation import frames
+    from .evaluation.locomotion import truth_of
+
+    truth = truth_of(model, database)
+    found = frames.poses(truth, frames.step(truth))
+    return {
+        f"{part}_{name}": round(found[part][name]["mean"], 4) if part in found else None
+        for part in ("training", "held_out")
+        for name in ("position_cm", "rotation_deg")
     }
 
 

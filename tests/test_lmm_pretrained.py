@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from lmm import pretrained
+from lmm import models, pretrained
+from lmm.controller import controller
 from lmm.model import Model
+from lmm.pfnn.controller import PhaseController
+from lmm.pfnn.model import PhaseModel
 from mm.build import build
-from mm.controller import Controller
+from mm.control import Command
 from mm.database import Database
 from motion.cli import main as motion
 from motion.errors import UserError
@@ -38,6 +41,15 @@ def test_they_are_of_the_data_that_the_generator_makes(database):
     assert model.decompressor.weight_type == "float16"
 
 
+def test_the_phase_functioned_network_is_of_that_data_too(database):
+    model = models.load("dancecard.pfnn")
+    assert isinstance(model, PhaseModel)
+    assert model.database == Model.load("dancecard").database, REMAKE  # which is known to be of this data
+    assert model.training["version"] == metadata.version("motion-matching"), REMAKE
+    assert model.network.weight_type == "float16"
+    model.check(database)
+
+
 def test_they_reproduce_the_poses(database):
     from lmm.evaluation import decompressor
 
@@ -47,14 +59,11 @@ def test_they_reproduce_the_poses(database):
     assert found["position_cm"]["mean"] < 1.0, REMAKE
 
 
-def test_they_drive_a_character_without_any_database():
-    from lmm.controller import controller
-
-    model = Model.load("dancecard")
-    system = controller(model)
-    assert isinstance(system, Controller) and system.database is None
-    from mm.control import Command
-
+@pytest.mark.parametrize("name", pretrained.names())
+def test_they_drive_a_character_without_any_database(name):
+    model = models.load(name)
+    system = controller(model) if isinstance(model, Model) else PhaseController(model)
+    assert getattr(system, "database", None) is None
     command = Command.still(1)
     command.velocity[:] = (0.0, 1.4)
     for _ in range(240):
@@ -64,7 +73,7 @@ def test_they_drive_a_character_without_any_database():
 
 
 def test_a_file_of_the_same_name_comes_first(tmp_path, monkeypatch):
-    assert "dancecard" in pretrained.names()
+    assert pretrained.names() == ["dancecard", "dancecard.pfnn"]
     monkeypatch.chdir(tmp_path)
     assert pretrained.find("dancecard").is_file()
     (tmp_path / "dancecard").write_text("mine")

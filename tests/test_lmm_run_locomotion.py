@@ -96,6 +96,20 @@ def test_info_of_each(folder):
     assert "level ground only" in lmm("info", "blind.pfnn").stdout
 
 
+@pytest.mark.parametrize("name", ["walk.pfnn", "walk.mann"])
+def test_weights_are_stored_otherwise(name, tmp_path):
+    small = tmp_path / f"small.{name[-4:]}"
+    before, after = json.loads(lmm("convert", name, "-o", small, "--weights", "float16", "--json").stdout)
+    assert (before["weights"], after["weights"]) == ("float32", "float16")
+    stored, loaded = models.load(small), models.load(name)
+    for key, size in stored.weight_bytes().items():
+        assert after[f"{key}_bytes"] == size <= before[f"{key}_bytes"] == loaded.weight_bytes()[key]
+    for one, other in zip(stored.network.weights, loaded.network.weights, strict=True):
+        np.testing.assert_array_equal(one, other.astype(np.float16))
+    lmm("convert", name, "-o", small, "--weights", "float16", "--without-compressor", code=2)
+    lmm("convert", name, "-o", small, "--weights", "int8", code=2)
+
+
 @pytest.mark.parametrize(
     ("model", "options", "system"),
     [
@@ -269,15 +283,8 @@ def test_a_spacing_without_heights_is_refused():
         assert "give --heights FILE too" in result.stderr
 
 
-@pytest.mark.parametrize(
-    "command",
-    [
-        ("export", "{}", "--format", "onnx", "-o", "out"),
-        ("convert", "{}", "-o", "out", "--weights", "int8"),
-    ],
-)
 @pytest.mark.parametrize("model", ["walk.pfnn", "walk.mann"])
-def test_commands_of_learned_motion_matching_say_what_they_expect(folder, command, model):
-    result = lmm(*(part.format(model) for part in command), code=2)
+def test_what_exports_learned_motion_matching_says_that_it_expects_it(folder, model):
+    result = lmm("export", model, "--format", "onnx", "-o", "out", code=2)
     kind = models.load(folder / model).kind
     assert result.stderr == f"error: {model}: a {kind}, expected a learned motion matching model\n"

@@ -136,8 +136,8 @@ def test_systems_that_are_not_there_are_refused_with_those_that_are(folder: Path
 
 def test_with_nothing_the_networks_that_ship_move_at_once() -> None:
     found = sources.read([])
-    assert list(found.parts()) == ["lmm"]
-    session = Session({"lmm": found.parts()["lmm"].make()}, Stick())
+    assert list(found.parts()) == ["lmm", "pfnn"]
+    session = Session({name: part.make() for name, part in found.parts().items()}, Stick(2))
     session.advance(0.1)
     assert not session.look().errors
 

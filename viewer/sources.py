@@ -153,7 +153,7 @@ def read(paths: Sequence[str | os.PathLike[str]], *, skinned: bool = True) -> So
         if known.count(real) > 1:
             raise UserError("it is given twice", path=path, remedy="name it once")
     if not paths:
-        found.models["lmm"] = models.load(BUILT_IN)
+        found.models = {models.kind_of(name): models.load(name) for name in pretrained.names()}
         return found
     where: dict[int, str] = {}
     for path in [os.fspath(path) for path in paths]:
@@ -203,7 +203,7 @@ def _read(path: str, skinned: bool) -> Iterator[tuple[str, str, Any]]:
     stem = Path(path).stem
     found = files.kind(path)
     if found is None and path in pretrained.names():
-        yield "models", "lmm", models.load(path)
+        yield "models", models.kind_of(path), models.load(path)
     elif found == "folder" or sources.split(path)[0].suffix.lower() in sources.FORMATS:
         for one in sources.find([path]):
             show = shows.load(one, skinned=skinned)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from lmm import models, pretrained
+from lmm import models
 from lmm.controller import controller
 from lmm.locomotion.model import LocomotionModel
 from lmm.mann.model import MannModel
@@ -21,7 +21,7 @@ from mm.driving import Clock
 from motion import console
 
 SECONDS, REPEATS = 5.0, 3
-SHIPS = pretrained.names()[0]
+SHIPS = "dancecard"
 
 
 def operations(sizes: Sequence[int]) -> int:

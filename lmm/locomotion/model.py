@@ -13,6 +13,7 @@ from mm.description import Description
 from motion import files
 from motion.errors import UserError
 
+from .. import pretrained
 from .layout import BlockLayout
 from .network import MixedNetwork, WeightType
 
@@ -117,7 +118,8 @@ class LocomotionModel:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
-        """Read a model. Errors: see `motion.files.load`."""
+        """Read a model: a file, or one that ships, by its name. Errors: see `motion.files.load`."""
+        path = pretrained.find(path)
         metadata, arrays, fingerprint = files.load(path, cls.kind, cls.version)
         with files.content_of(path, cls.kind):
             prefix = "description."
