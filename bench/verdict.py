@@ -142,10 +142,11 @@ class Measured:
         found = {name: self._broken(name) for name in self.names}
         return {name: how for name, how in found.items() if how}
 
+    def _runs_of(self, name: str | None) -> pd.DataFrame:
+        return self.runs[self.runs["system"] == name].set_index(["course", "seed"])
+
     def _broken(self, name: str) -> str:
-        index = ["course", "seed"]
-        runs = self.runs[self.runs["system"] == name].set_index(index)
-        other = self.runs[self.runs["system"] == self.reference].set_index(index)
+        runs, other = self._runs_of(name), self._runs_of(self.reference)
         told = []
         if "broke" in runs and (runs["broke"] == 1).any():
             told.append(f"shows poses that are no numbers on {_course(runs['broke'].idxmax())}")
@@ -172,8 +173,14 @@ class Measured:
 
     @cached_property
     def keeps(self) -> list[str]:
-        """Systems that keep the reference's quality, the reference among them unless it breaks."""
-        return [name for name in self.names if name not in self.breaks and not self.lost(name)]
+        """Systems that keep the reference's quality, itself among them."""
+        return [name for name in self.names if self.sound(name) and not self.lost(name)]
+
+    def sound(self, system: str) -> bool:
+        """Whether a system fails nowhere; the reference is what it is, as long as it shows poses at all."""
+        if system == self.reference:
+            return "broke" not in self.runs or not (self._runs_of(system)["broke"] == 1).any()
+        return system not in self.breaks
 
     def lost(self, system: str) -> list[Metric]:
         """Metrics of which a system has too much more than the reference, or no number where that has one."""
@@ -289,9 +296,10 @@ def _rule(measured: Measured) -> str:
     return (
         f"A system keeps {measured.reference}'s quality if it fails on no course and has at most "
         f"{100 * SHARE:.0f} % more, or no more than is in brackets more, on average over the courses, of "
-        f"{judged}. It fails where it shows poses that are no numbers; and where it stands still for more "
-        f"than {stall:g} s when asked to go, is more than {stray:g} cm off the path, or goes less than "
-        f"{100 * WAY:.0f} % of the way, unless {measured.reference} is at least half as bad there."
+        f"{judged}. It fails where it shows poses that are no numbers; where it stands still for more than "
+        f"{stall:g} s when asked to go, or is more than {stray:g} cm off the path, and {measured.reference} has "
+        f"not half of that there; and where it goes less than {100 * WAY:.0f} % of the way, and of what "
+        f"{measured.reference} goes of it."
     )
 
 
@@ -388,7 +396,7 @@ def _crowds(measured: Measured) -> list[str]:
 def _better(measured: Measured) -> list[str]:
     """Who has less of something than the reference, of those that do not fail."""
     reference = measured.reference
-    sound = [name for name in measured.names if name not in measured.breaks]
+    sound = [name for name in measured.names if measured.sound(name)]
     if reference not in sound or len(sound) < 2:
         return []
     ahead, level = list[str](), list[str]()
@@ -406,12 +414,17 @@ def _better(measured: Measured) -> list[str]:
 
 
 def _failing(measured: Measured) -> list[str]:
-    if not measured.breaks:
-        return ["None fails on a course."] if len(measured.names) > 1 else []
-    told = [f"{name} {how}" for name, how in measured.breaks.items()]
-    if len(told) <= NAMED:
-        return [f"{line}." for line in told]
-    return [f"{_count(len(told), 'system')} fail: {_some(list(measured.breaks))}."]
+    reference, out = measured.reference, list[str]()
+    others = [name for name in measured.breaks if name != reference]
+    if reference in measured.breaks:
+        out.append(f"{reference} itself {measured.breaks[reference]}, which others are held against.")
+    if len(others) > NAMED:
+        out.append(f"{_count(len(others), 'system')} fail: {_some(others)}.")
+    elif others:
+        out += [f"{name} {measured.breaks[name]}." for name in others]
+    elif len(measured.names) > 1:
+        out.append("No other fails on a course." if out else "None fails on a course.")
+    return out
 
 
 def _beside(measured: Measured, name: str) -> str:

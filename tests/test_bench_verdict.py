@@ -175,7 +175,12 @@ def test_of_many_that_fail_some_are_named():
 def test_what_breaks_motion_matching_as_well_is_the_courses_fault():
     stalls = {"stall_s": odd("strafe", 7.0, 0.1)}
     found = verdict.of(measured({"mm-exact": (100.0, 50.0, stalls), "lmm-D": (20.0, 80.0, stalls)}))
-    assert list(found.breaks) == ["mm-exact"]
+    assert list(found.breaks) == ["mm-exact"] and set(found.keeps) == {"mm-exact", "lmm-D"}
+    assert (
+        "mm-exact itself stands still for 7 s when asked to go on strafe, which others are held"
+        in found.paragraph
+    )
+    assert "No other fails on a course." in found.paragraph and "still is mm-exact" not in found.paragraph
 
 
 def test_crowds_and_who_did_as_well():
