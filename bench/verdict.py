@@ -297,9 +297,9 @@ def _rule(measured: Measured) -> str:
         f"A system keeps {measured.reference}'s quality if it fails on no course and has at most "
         f"{100 * SHARE:.0f} % more, or no more than is in brackets more, on average over the courses, of "
         f"{judged}. It fails where it shows poses that are no numbers; where it stands still for more than "
-        f"{stall:g} s when asked to go, or is more than {stray:g} cm off the path, and {measured.reference} has "
-        f"not half of that there; and where it goes less than {100 * WAY:.0f} % of the way, and of what "
-        f"{measured.reference} goes of it."
+        f"{stall:g} s when asked to go, or is more than {stray:g} cm off the path, and that is more than twice "
+        f"what {measured.reference} does there; and where it goes less than {100 * WAY:.0f} % of the way, and "
+        f"of what {measured.reference} goes of it."
     )
 
 
