@@ -295,11 +295,11 @@ def _rule(measured: Measured) -> str:
     stall, stray = (limit.most for limit in BREAKS)
     own = measured.reference
     return (
-        f"A system keeps {own}'s quality if it fails on no course and has at most {100 * SHARE:.0f} % more, or "
-        f"no more than is in brackets more, on average over the courses, of {judged}. It fails where it shows "
-        f"poses that are no numbers; where it stands still for more than {stall:g} s when asked to go, or is "
-        f"more than {stray:g} cm off the path, and that is more than twice what {own} does there; and where it "
-        f"goes less than {100 * WAY:.0f} % of the way, and of what {own} goes of it."
+        f"A system keeps {own}'s quality if it fails on no course and has at most {100 * SHARE:.0f} % more, "
+        f"or no more than is in brackets more, on average over the courses, of {judged}. It fails where it "
+        f"shows poses that are no numbers; where it stands still for more than {stall:g} s when asked to go, "
+        f"or is more than {stray:g} cm off the path, and that is more than twice what {own} does there; and "
+        f"where it goes less than {100 * WAY:.0f} % of the way, and of what {own} goes of it."
     )
 
 
