@@ -32,6 +32,10 @@ MISSING = [
     if not there
 ]
 opens = pytest.mark.skipif(bool(MISSING), reason=f"no {', '.join(MISSING)}")
+driven = pytest.mark.skipif(
+    bool(MISSING) or "WINDOW" not in os.environ,
+    reason="a window without a graphics card may take minutes: set WINDOW=1",
+)
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +62,7 @@ def told(folder: Path) -> dict[str, Any]:
     return found
 
 
-@opens
+@driven
 def test_keys_drive_ahead_and_to_the_left(told: dict[str, Any]) -> None:
     start, ahead, left = (told[name] for name in ("start", "ahead", "left"))
     assert ahead["z"] - start["z"] > 0.8
@@ -67,14 +71,14 @@ def test_keys_drive_ahead_and_to_the_left(told: dict[str, Any]) -> None:
     assert left["yaw"] > 0.4
 
 
-@opens
+@driven
 def test_the_mouse_turns_the_camera_and_brings_it_nearer(told: dict[str, Any]) -> None:
     azimuth, elevation, distance = told["eye"]
     expected = [azimuth - 100 * DRAG, elevation + 20 * DRAG, WHEEL * distance]
     assert told["turned eye"] == pytest.approx(expected)
 
 
-@opens
+@driven
 def test_a_slider_changes_the_motion_until_it_is_reset(told: dict[str, Any]) -> None:
     assert told["set"] == pytest.approx(0.62, abs=0.05)  # of 0 to 1 s, where it was clicked
     way, slow = (np.hypot(told[name]["x"], told[name]["z"]) for name in ("ahead", "slowly"))
@@ -82,7 +86,7 @@ def test_a_slider_changes_the_motion_until_it_is_reset(told: dict[str, Any]) -> 
     assert told["reset"] == 0.27
 
 
-@opens
+@driven
 def test_the_timeline_scrubs_and_jumps_to_what_comes_next(told: dict[str, Any]) -> None:
     assert told["paused"]
     scrubbed, ahead = told["scrubbed"], told["ahead"]
@@ -92,7 +96,7 @@ def test_the_timeline_scrubs_and_jumps_to_what_comes_next(told: dict[str, Any]) 
     assert told["jumped"] == pytest.approx(later[0])
 
 
-@opens
+@driven
 def test_the_picture_is_what_the_other_renderer_draws(folder: Path) -> None:
     plain, seen = (np.asarray(Image.open(folder / f"{name}.png")).astype(int) for name in ("plain", "window"))
     seen = seen[: plain.shape[0], : plain.shape[1]]

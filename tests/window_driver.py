@@ -216,5 +216,12 @@ def dances(seconds: float = 60.0) -> sources.Sources:
 
 if __name__ == "__main__":
     script = Script(Path(sys.argv[1]))
-    window.run(dances(), size=SIZE, patience=20.0, clock=lambda: script.time, on_frame=script.frame)
+    window.run(
+        dances(),
+        size=SIZE,
+        shown=[],  # with lines and arrows a processor may take seconds a picture
+        patience=LATEST,
+        clock=lambda: script.time,
+        on_frame=script.frame,
+    )
     print("closed")

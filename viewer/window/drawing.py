@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from open3d.visualization import gui, rendering
 
 from .. import shapes
-from ..camera import NEAR, Camera
+from ..camera import NEAR, Camera, focal
 from ..scene import (
     Arrows,
     Floats,
@@ -165,13 +165,13 @@ class _Drawn:
         if now != self._seen:
             self._seen = now
             if self.layer.visible:
-                self.change(scene)
+                self.change(scene, eye)
             else:
                 self.clear()
         if self.layer.visible:
             self.follow(eye)
 
-    def change(self, scene: Scene) -> None:
+    def change(self, scene: Scene, eye: Camera) -> None:
         """Draw the layer as it is now."""
         raise NotImplementedError
 
@@ -190,7 +190,7 @@ class _Parts(_Drawn):
     _made: tuple[Any, ...] = ()
     _names: tuple[tuple[str, str | None], ...] = ()
 
-    def change(self, scene: Scene) -> None:
+    def change(self, scene: Scene, eye: Camera) -> None:
         layer = self.layer
         shaded = casts(layer, scene)
         made = (len(layer.transforms), tuple(map(id, layer.parts)), layer.opacity, shaded, scene.theme)
@@ -230,7 +230,7 @@ class _Whole(_Drawn):
 
     layer: Surface | Arrows
 
-    def change(self, scene: Scene) -> None:
+    def change(self, scene: Scene, eye: Camera) -> None:
         layer = self.layer
         self.clear()
         if isinstance(layer, Arrows):
@@ -250,52 +250,63 @@ class _Whole(_Drawn):
         self.drawing.remove(f"{self.name} shadow")
 
 
-class _Strokes(_Drawn):
-    """Lines or points."""
+class _Through(_Drawn):
+    """What may be seen through bodies."""
 
     layer: Lines | Points
 
-    def change(self, scene: Scene) -> None:
-        layer = self.layer
-        self.clear()
-        pixels = self.drawing.pixels
-        if isinstance(layer, Lines):
-            begin, end = layer.pieces()
-            known = np.asarray(np.isfinite(layer.points).all(axis=1))
-            points = np.where(known[:, None], layer.points, 0.0)
-            # Open3D crashes on lines that all are without a length.
-            keep = (
-                known[begin]
-                & known[end]
-                & (np.abs(points[end] - points[begin]).max(axis=-1, initial=0) > 1e-5)
-            )
-            pieces = np.stack([begin, end], -1)[keep]
-            if len(pieces):
-                shades = np.broadcast_to(layer.colours, layer.points.shape)[pieces[:, 0]]
-                self.drawing.add(
-                    self.name,
-                    lines_of(points, pieces, shades),
-                    material("unlitLine", line_width=layer.width * pixels),
-                )
-        else:
-            known = np.asarray(np.isfinite(layer.positions).all(axis=1))
-            if known.any():
-                cloud = o3d.geometry.PointCloud(
-                    o3d.utility.Vector3dVector(layer.positions[known].astype(np.float64))
-                )
-                shades = np.broadcast_to(layer.colours, layer.positions.shape)[known]
-                cloud.colors = o3d.utility.Vector3dVector(shades.astype(np.float64))
-                self.drawing.add(self.name, cloud, material("defaultUnlit", point_size=layer.size * pixels))
-        self._there = self.drawing.has(self.name)
-
     def follow(self, eye: Camera) -> None:
-        if self._there and self.layer.through > 0:
+        if self.layer.through > 0 and self.drawing.has(self.name):
             nearer = np.eye(4) * [_BEFORE, _BEFORE, _BEFORE, 1.0]
             nearer[:3, 3] = (1 - _BEFORE) * eye.position
             self.drawing.place(self.name, nearer)
 
     def clear(self) -> None:
         self.drawing.remove(self.name)
+
+
+class _Strokes(_Through):
+    """Lines."""
+
+    layer: Lines
+
+    def change(self, scene: Scene, eye: Camera) -> None:
+        layer = self.layer
+        self.clear()
+        begin, end = layer.pieces()
+        known = np.asarray(np.isfinite(layer.points).all(axis=1))
+        points = np.where(known[:, None], layer.points, 0.0)
+        # Open3D crashes on lines that all are without a length.
+        long = np.abs(points[end] - points[begin]).max(axis=-1, initial=0) > 1e-5
+        pieces = np.stack([begin, end], -1)[known[begin] & known[end] & long]
+        if len(pieces):
+            shades = np.broadcast_to(layer.colours, layer.points.shape)[pieces[:, 0]]
+            how = material("unlitLine", line_width=layer.width * self.drawing.pixels)
+            self.drawing.add(self.name, lines_of(points, pieces, shades), how)
+
+
+class _Dots(_Through):
+    """Points, as balls without shades: on a processor Open3D's own points take seconds a picture."""
+
+    layer: Points
+    _from = 1.0
+
+    def change(self, scene: Scene, eye: Camera) -> None:
+        layer = self.layer
+        self.clear()
+        self._from = eye.distance
+        known = np.asarray(np.isfinite(layer.positions).all(axis=1))
+        if known.any():
+            places = layer.positions[known]
+            pixel = self.drawing.pixels / focal(eye, max(self.drawing.widget.frame.height, 1))
+            radii = 0.5 * layer.size * pixel * np.linalg.norm(places - eye.position, axis=-1)
+            shades = np.broadcast_to(layer.colours, layer.positions.shape)[known]
+            self.drawing.add(self.name, mesh_of(_balls(places, radii, shades)), material("defaultUnlit"))
+
+    def show(self, scene: Scene, eye: Camera) -> None:
+        if not 0.9 < eye.distance / self._from < 1.1:
+            self._seen = None  # they are as large from nearer by
+        super().show(scene, eye)
 
 
 class _Words(_Drawn):
@@ -307,7 +318,7 @@ class _Words(_Drawn):
         super().__init__(drawing, name, layer)
         self._labels: list[Any] = []
 
-    def change(self, scene: Scene) -> None:
+    def change(self, scene: Scene, eye: Camera) -> None:
         layer = self.layer
         while len(self._labels) > len(layer.texts):
             self.drawing.widget.remove_3d_label(self._labels.pop())
@@ -330,7 +341,7 @@ _KINDS: dict[type[Layer], type[_Drawn]] = {
     Surface: _Whole,
     Arrows: _Whole,
     Lines: _Strokes,
-    Points: _Strokes,
+    Points: _Dots,
     Labels: _Words,
 }
 
@@ -386,6 +397,20 @@ def pressed(sun: Sun) -> Array:
 def shade_of(scene: Scene) -> Floats:
     """The colour of ground in the shade."""
     return np.asarray(colour(scene.theme.floor) * np.sqrt(1 - scene.sun.shadow), np.float32)
+
+
+def _balls(places: Array, radii: Array, shades: Floats) -> Mesh:
+    """Balls around places [P, 3] of radii [P] and colours [P, 3]."""
+    ball = shapes.ellipsoid(np.zeros(3), np.eye(3), np.zeros(3))
+    count, corners = len(places), len(ball.vertices)
+    vertices = places[:, None] + radii[:, None, None] * ball.vertices
+    triangles = ball.triangles + corners * np.arange(count)[:, None, None]
+    return Mesh(
+        vertices.reshape(-1, 3).astype(np.float32),
+        np.tile(ball.normals, (count, 1)),
+        triangles.reshape(-1, 3).astype(np.int32),
+        np.repeat(shades, corners, axis=0).astype(np.float32),
+    )
 
 
 def _faded(theme: Theme, name: str, far: Array, radius: float) -> Floats:
