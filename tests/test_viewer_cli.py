@@ -57,6 +57,8 @@ def test_poses_become_a_strip(walker_files: Path, tmp_path: Path) -> None:
         ),
         (["--offscreen", "x.png", "--ghost"], "a ghost among 1; give two"),
         (["--offscreen", "x.png", "--course", "thesis"], "nobody is driven over a course; give a database"),
+        (["--fps", "30"], "--fps is nothing for a window; leave it out, or draw without one"),
+        (["--apart"], "--apart is nothing for a window"),
         (["--export", "x.fbx"], "x.fbx: motion is not exported so; name it *.bvh, *.glb, *.rec"),
         (["--export", "x.rec"], "straight is a clip, of which there is no run; export it as .bvh or .glb"),
     ],
