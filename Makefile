@@ -2,7 +2,7 @@
 # make lint   formatter, linter, type checker, import checker             make clean  all that these made
 # make pretrained   train the networks that ship, on generated clips (half an hour)
 #
-# make demo DATA=FOLDER measures motion matching on your own clips; SYSTEMS=mm takes all search indexes.
+# make demo DATA=FOLDER measures motion matching on your own clips; SYSTEMS=mm takes all search indexes, lmm all mixtures.
 #
 # Each makes its own .venv first, with nothing but Python 3.11 or later; the second time that costs nothing.
 
@@ -11,7 +11,7 @@ DATA ?= $(DANCE)
 ifeq ($(DATA),$(DANCE))
 TAGS ?= $(DANCE)/tags.csv
 MODELS ?= dancecard dancecard.pfnn
-SYSTEMS ?= mm-exact,mm-exact-free,lmm,pfnn
+SYSTEMS ?= mm-exact,mm-exact-free,lmm-PSD,lmm-D,pfnn-cubic
 endif
 # Clips of CMU by their usual folder.
 ifneq ($(filter %cmu/asfamc,$(patsubst %/,%,$(DATA))),)
@@ -29,6 +29,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --prefer
 
 .PHONY: help demo pretrained test lint format clean
 .DELETE_ON_ERROR:
+.NOTPARALLEL:
 
 help:
 	@sed -n 's/^# \{0,1\}//p' Makefile | head -5
@@ -97,7 +98,7 @@ $(CORE): setup.cfg $(BIN)/python
 	  echo "error: a library does not load (see above); a system library it names may be missing" >&2; exit 2; }
 	@touch "$@"
 
-$(DEV): $(CORE)
-	@echo "installing what the tests need into $(VENV)"
-	@$(PIP) --editable '.[dev]' || { echo "error: installing failed (see above); is the package index reachable?" >&2; exit 2; }
-	@touch "$@"
+$(DEV): setup.cfg $(BIN)/python
+	@echo "installing what the program and its tests need into $(VENV); this takes some minutes"
+	@$(PIP) --no-compile --editable '.[dev]' || { echo "error: installing failed (see above); is the package index reachable?" >&2; exit 2; }
+	@touch "$(CORE)" "$@"

@@ -151,8 +151,9 @@ def test_help_ends_with_an_example_that_the_command_would_accept(name: str) -> N
         check_usage(line)
 
 
-def test_the_commands_in_the_readme_exist() -> None:
-    lines = re.findall(r"^    python -m ([a-z]\S* [a-z]\S* .*)", (ROOT / "README.md").read_text(), re.M)
+def test_the_commands_in_the_documents_exist() -> None:
+    texts = [path.read_text() for path in (ROOT / "README.md", *(ROOT / "docs").glob("*.md"))]
+    lines = re.findall(r"^    python -m ([a-z]\S* [a-z]\S* .*)", "\n".join(texts), re.M)
     ours = [line for line in lines if line.split()[0] in PACKAGES]
     assert {line.split()[0] for line in ours} >= {"motion", "mm", "bench"}
     for line in ours:

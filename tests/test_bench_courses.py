@@ -12,7 +12,6 @@ from bench import comparison as comparing
 from bench import driven, report
 from bench.cli import main
 from lmm.model import Model
-from mm import build
 from mm import courses as library
 from mm.course import Course, VelocityKey
 from mm.database import Database
