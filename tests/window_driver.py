@@ -219,7 +219,7 @@ if __name__ == "__main__":
     window.run(
         dances(),
         size=SIZE,
-        shown=[],  # with lines and arrows a processor may take seconds a picture
+        shown=[],
         patience=LATEST,
         clock=lambda: script.time,
         on_frame=script.frame,

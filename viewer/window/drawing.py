@@ -286,7 +286,7 @@ class _Strokes(_Through):
 
 
 class _Dots(_Through):
-    """Points, as balls without shades: on a processor Open3D's own points take seconds a picture."""
+    """Points, as balls without shades."""
 
     layer: Points
     _from = 1.0
