@@ -193,7 +193,7 @@ def skate_and_path(summary: pd.DataFrame, colours: Mapping[str, str]) -> Any:
     for one, column, what in zip(
         axes,
         ("skate_cm_s", "path_cm"),
-        ("foot skate, cm/s", "distance from the commanded path, cm"),
+        ("foot skate, cm/s", "distance from the path, cm"),
         strict=True,
     ):
         shades = [colours.get(system, INK) for system in summary["system"]]
@@ -202,8 +202,9 @@ def skate_and_path(summary: pd.DataFrame, colours: Mapping[str, str]) -> Any:
             mark(bar, system, say=f"{what}: {value:.3g}")
             if np.isfinite(value):
                 one.text(value, y, f" {value:.3g}", va="center", fontsize=7)
-        _name(one, at, summary["system"])
         one.set_xlabel(what)
+    _name(axes[0], at, summary["system"])
+    axes[1].set_yticks([])  # the same systems
     return picture
 
 
