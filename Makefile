@@ -1,6 +1,6 @@
 # make demo   the main job: all systems measured on generated clips       make test   the tests
 # make lint   formatter, linter, type checker, import checker             make clean  all that these made
-# make pretrained   train the networks that ship, on generated clips (half an hour)
+# make pretrained   train the networks that ship, on generated clips (three quarters of an hour)
 #
 # make demo DATA=FOLDER measures motion matching on your own clips; SYSTEMS=mm takes all search indexes, lmm all mixtures.
 #

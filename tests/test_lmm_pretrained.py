@@ -62,8 +62,11 @@ def test_they_reproduce_the_poses(database):
 @pytest.mark.parametrize("name", pretrained.names())
 def test_they_drive_a_character_without_any_database(name):
     model = models.load(name)
-    system = controller(model) if isinstance(model, Model) else PhaseController(model)
-    assert getattr(system, "database", None) is None
+    if isinstance(model, Model):
+        system = controller(model)
+        assert system.database is None
+    else:
+        system = PhaseController(model)
     command = Command.still(1)
     command.velocity[:] = (0.0, 1.4)
     for _ in range(240):
