@@ -80,6 +80,14 @@ class System(Protocol):
         ...
 
 
+def lag_of(system: System) -> float | None:
+    """Seconds after which a system's characters go the way that they are asked to: its `lag`.
+
+    None where it does not tell, as motion matching, whose characters lag by what they are set to.
+    """
+    return getattr(system, "lag", None)
+
+
 class Described(System, Protocol):
     """A system that knows its data's description and its feet, so that it drives rigs, and on grounds.
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from features.trajectory import directions_to_world
 from motion.springs import wrap
 
 from .commands import from_stick, from_velocity
@@ -28,7 +29,8 @@ class Driver:
     forward. It is sent to the point that lies lookahead seconds of its speed further on, but not beyond a
     waypoint before it is within the waypoint's radius: so straight ways are followed into their corners.
     Before a corner it is slowed over the same distance (`Course.corner_speed`), before the end of an open way
-    to a stand. Smooth ways are not slowed, and tell the rate at which they turn.
+    to a stand. Smooth ways are not slowed, and tell the rate at which they turn; on them characters are sent
+    the way that they shall go when they have obeyed.
 
     Parameters
     ----------
@@ -47,6 +49,8 @@ class Driver:
     nominal : seconds that the course should take.
     limit : seconds after which it is over in any case: the course's own, or twice nominal and ten more.
     done : all have arrived, or the last command was the last within limit.
+    lag : seconds after which characters go the way that they are asked to (`mm.control.lag_of`); by default
+        half of lookahead, by which the way to the point ahead is ahead of a curve.
     """
 
     def __init__(
@@ -65,6 +69,7 @@ class Driver:
             raise ValueError(f"count {count}, fps {fps}, lookahead {lookahead}: expected positive numbers")
         self.course, self.count, self.fps = course, count, fps
         self._masks = required_tags, forbidden_tags
+        self.lag: float | None = None
         self._part: _Way | _Script
         shares = begin + np.arange(count) / count * spread
         if course.waypoints:
@@ -99,7 +104,7 @@ class Driver:
     def command(self, time: float, positions: NDArray, yaws: NDArray) -> Command:
         """What the characters at positions [N, 2], facing yaws [N], are asked at a time (seconds, rising)."""
         self._time = time
-        command, arrived = self._part.command(time, positions, yaws, self._last_yaw)
+        command, arrived = self._part.command(time, positions, yaws, self._last_yaw, self.lag)
         self._last_yaw = command.yaw
         command.required_tags[:], command.forbidden_tags[:] = self._masks
         self.done = arrived or time >= self.limit - 1.5 / self.fps
@@ -172,7 +177,9 @@ class _Way:
     def laps(self, time: float) -> Float:
         return (self._progress - self._begin) / self._line.length
 
-    def command(self, time: float, positions: NDArray, yaws: NDArray, last: NDArray) -> tuple[Command, bool]:
+    def command(
+        self, time: float, positions: NDArray, yaws: NDArray, last: NDArray, lag: float | None
+    ) -> tuple[Command, bool]:
         arrived = self._advance(positions)
         leg, progress, line = self._leg, self._progress, self._line
         speed, barrier = self._speeds[leg], self._barriers[leg]
@@ -189,6 +196,9 @@ class _Way:
             turn = wrap(line.headings[segment] - line.headings[line.at(progress)[2]])
             strafes = np.any(self._facings[leg] != 0, axis=1)
             rate = np.where(strafes, 0.0, turn / reach * speed)
+            if lag is not None:
+                # The chord to the aim has turned half as far as the way there does.
+                way = directions_to_world(way[:, None], turn * (lag / self._lookahead - 0.5))[:, 0]
             # Inside of a tight bend the nearest point can stop: the aim stays ahead all the same.
             push = np.where(arrived, 0.0, np.clip(reach / 2 - distance, 0, None))
             self._progress = np.minimum(progress + push, self._marks[leg])
@@ -260,7 +270,9 @@ class _Script:
     def laps(self, time: float) -> Float:
         return np.full(self._count, time / self._seconds)
 
-    def command(self, time: float, positions: NDArray, yaws: NDArray, last: NDArray) -> tuple[Command, bool]:
+    def command(
+        self, time: float, positions: NDArray, yaws: NDArray, last: NDArray, lag: float | None
+    ) -> tuple[Command, bool]:
         time = min(time, self.nominal - 1e-6)  # whoever asks later gets what was asked last
         clock = (time + self._offsets) % self._seconds
         key = np.searchsorted(self._times, clock + 1e-9, side="right") - 1

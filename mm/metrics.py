@@ -201,13 +201,13 @@ def longest_stall(
     feet [T, ..., C, 3] and root [T, ..., 2] in the world, metres; asked [T, ..., 2], velocities, m/s. Who
     steps moves a foot against the root, about as fast as it is asked to go. A frame is without a step when
     more than speed (m/s) is asked for and every foot's horizontal velocity relative to the root is below
-    share of that; averages over half a second. A network that died out stands, or is carried along in one
+    share of that, on average over half a second. A network that died out stands, or is carried along in one
     pose: both show. NaN without feet.
     """
     feet = np.asarray(feet, np.float64)[..., [0, 2]]
     if feet.size == 0:
         return float("nan")
-    under = root_speed(feet - np.asarray(root, np.float64)[..., None, :], fps, seconds=0.5).max(axis=-1)
+    under = smooth(root_speed(feet - np.asarray(root, np.float64)[..., None, :], fps), fps, 0.5).max(axis=-1)
     wanted = np.linalg.norm(np.asarray(asked, np.float64), axis=-1)
     stalled = ((wanted > speed) & (under < share * wanted)).reshape(len(feet), -1)
     run, longest = np.zeros(stalled.shape[1], np.int64), 0

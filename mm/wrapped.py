@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from motion.pose import Poses
 
-from .control import Described
+from .control import Described, lag_of
 
 
 class Wrapped:
@@ -22,6 +22,7 @@ class Wrapped:
         self.name, self.skeleton = controller.name, controller.skeleton
         self.fps, self.count = controller.fps, controller.count
         self.description, self.settings = controller.description, controller.settings
+        self.lag = lag_of(controller)
         self.stage_seconds: dict[str, float] = {}
 
     @property

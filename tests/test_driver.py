@@ -15,10 +15,11 @@ from motion import springs
 FPS = 60.0
 
 
-def drive(course, count=1, *, follow="obey", frames=100_000, **options):
+def drive(course, count=1, *, follow="obey", frames=100_000, lag=None, **options):
     """Points that obey at once, or by the springs of a simulated character. Returns the driver and
     positions [T, N, 2], velocities asked for [T, N, 2] and facings [T, N]."""
     driver = Driver(course, count, FPS, **options)
+    driver.lag = lag
     x, yaw = driver.starts.astype(np.float64), driver.yaws
     v, a = np.zeros_like(x), np.zeros_like(x)
     rows = []
@@ -59,6 +60,21 @@ def test_a_lap_of_a_circle_takes_2_pi_r_over_v(radius, speed):
     # It turns to the left, by v / r a second, and faces its way.
     assert np.unwrap(yaw[:-1, 0])[-1] == pytest.approx(2 * np.pi, abs=0.1)
     np.testing.assert_allclose(yaw[:-1, 0], np.arctan2(v[:-1, 0, 0], v[:-1, 0, 1]), atol=1e-5)
+
+
+def test_who_obeys_at_once_is_sent_along_a_curve_if_that_is_told():
+    course = ring(4.0, 4.0, laps=2)
+
+    def off(**options) -> float:
+        _, x, _, _ = drive(course, frames=600, **options)
+        return float(Polyline(Driver(course).path).distance(x[120:, 0]).mean())
+
+    # Sent straight to a point 0.75 s ahead it ends on a circle on which that is a tangent.
+    assert off() == pytest.approx(4 - 4 * np.cos(0.75), abs=0.08)
+    assert off(lag=0.0) < 0.04
+    # A lag of half of what it looks ahead is what a character has of whom nothing is told.
+    assert off(lag=0.375) == pytest.approx(off(), abs=1e-9)
+    assert off(follow="springs", lag=0.27 / np.log(2)) < 0.5 * off(follow="springs", lag=0.0)
 
 
 def test_the_turn_rate_of_a_circle_is_v_over_r():

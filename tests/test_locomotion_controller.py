@@ -14,7 +14,9 @@ from lmm.locomotion.controller import STAGES
 from lmm.locomotion.settings import LocomotionSettings
 from mm import courses
 from mm.control import Command
+from mm.driver import LOOKAHEAD, Driver
 from mm.recording import Recording, record
+from mm.wrapped import Wrapped
 from motion import quat
 from motion.config import ConfigError
 from motion.errors import UserError
@@ -230,3 +232,12 @@ def test_settings_out_of_range_are_refused() -> None:
     for wrong in ({"position_bias": -1}, {"joint_smoothing": 1.0}, {"jog_from": 2.0, "jog_to": 1.0}):
         with pytest.raises(ConfigError):
             LocomotionSettings(**wrong)
+
+
+@pytest.mark.parametrize("kind", MODELS)
+def test_who_drives_a_network_knows_that_it_turns_sooner_than_a_spring(kind: str) -> None:
+    driver, system = Driver(courses.load("circle")), CONTROLLERS[kind](MODELS[kind]())
+    assert driver.lag is None
+    record(system, driver.course, seconds=1 / 60, driver=driver)
+    assert driver.lag == system.lag == Wrapped(system).lag
+    assert 0 < system.lag < LOOKAHEAD / 4

@@ -374,11 +374,14 @@ def test_significance_is_that_of_the_thesis():
     assert np.isnan(metrics.significance([1], [1, 2]))
 
 
-def walking(speed: float, steps: float, frames: int = 301) -> tuple[np.ndarray, np.ndarray]:
+def walking(
+    speed: float, steps: float, frames: int = 301, *, stride: float = 1
+) -> tuple[np.ndarray, np.ndarray]:
     """Feet [T, 2, 3] that swing by turns, and a root [T, 2] that moves along z at a speed."""
     time = np.arange(frames) / FPS
     root = np.stack([np.zeros(frames), speed * time], axis=-1)
-    swing = steps * np.stack([np.sin(2 * np.pi * time), -np.sin(2 * np.pi * time)], axis=-1)
+    angle = 2 * np.pi * time / stride
+    swing = steps * np.stack([np.sin(angle), -np.sin(angle)], axis=-1)
     feet = np.zeros((frames, 2, 3))
     feet[..., 2] = root[:, None, 1] + swing
     return feet, root
@@ -399,3 +402,10 @@ def test_who_is_carried_along_or_stands_has_stalled(speed, steps, stalls):
     )
     assert two == found
     assert np.isnan(metrics.longest_stall(feet[:, :0], root, asked, FPS))
+
+
+@pytest.mark.parametrize("stride", [0.4, 0.5, 0.7, 1.4])
+def test_who_takes_quick_or_slow_steps_has_not_stalled(stride):
+    feet, root = walking(3, 3 * stride / 4, stride=stride)
+    asked = np.tile([0.0, 3.0], (len(root), 1))
+    assert metrics.longest_stall(feet, root, asked, FPS) < 0.2

@@ -56,6 +56,7 @@ class LocomotionController:
     kernels: ClassVar[tuple[Any, Any]]  # a module such as `lmm.pfnn.steps`, and its twin
     character: ClassVar[np.dtype] = trajectory.character()
     past: ClassVar[int] = trajectory.PAST  # numbers of a past frame
+    lag = 0.05  # seconds, see `mm.control.lag_of`: they turn within 0.03 to 0.08 s, whatever the biases
     fed: ClassVar[tuple[int, ...]] = (3, 3)  # numbers of a joint that it is given of its own frame before
 
     def __init__(
