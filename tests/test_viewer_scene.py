@@ -18,6 +18,8 @@ def test_updates_are_counted_and_checked() -> None:
     layer.update(positions=np.ones((5, 3)))
     assert layer.revision == before + 1
     assert len(layer.positions) == 5
+    layer.update(positions=np.ones((5, 3)), size=layer.size)
+    assert layer.revision == before + 1  # nothing changed
     with pytest.raises(AttributeError, match="no sizes"):
         layer.update(sizes=3)
     with pytest.raises(ValueError, match=r"positions are \(5, 2\)"):

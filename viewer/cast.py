@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from features.schema import Schema
 from features.terrain import Ground, flat
 from mm import recording
 from mm.course import Course
@@ -52,6 +53,7 @@ class Member:
         self.contact_roles, self.ground = contact_roles, ground
         self._system = system
         self._explained: tuple[int, Explanation | None] = (-1, None)
+        self._schema: tuple[Any, Schema | None] = (None, None)
 
     def __repr__(self) -> str:
         return f"Member({self.show.name!r}, {len(self.timeline)} steps)"
@@ -59,6 +61,16 @@ class Member:
     @property
     def name(self) -> str:
         return self.show.name
+
+    @property
+    def schema(self) -> Schema | None:
+        """Of the features that are searched for; None where it is not known."""
+        if self.data is not None:
+            return self.data.schema
+        told = self.timeline.about.get("schema")
+        if told is not self._schema[0]:
+            self._schema = told, None if told is None else Schema.from_dict(told)
+        return self._schema[1]
 
     def explanation(self, time: float) -> Explanation | None:
         """The last search until a time; None without one, or without its database (see `viewer.explain`)."""

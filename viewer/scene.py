@@ -75,13 +75,19 @@ class Layer:
     revision: int = field(default=0, init=False)
 
     def update(self, **values: Any) -> None:
-        """Exchange some of the attributes; arrays and colours are checked as at the beginning."""
+        """Exchange some of the attributes; arrays and colours are checked as at the beginning.
+
+        Other arrays of the same numbers are no change.
+        """
+        before = {}
         for name, value in values.items():
             if not hasattr(self, name):
                 raise AttributeError(f"a {type(self).__name__} has no {name}")
+            before[name] = getattr(self, name)
             setattr(self, name, value)
         self.__post_init__()
-        self.revision += 1
+        if not all(_same(value, getattr(self, name)) for name, value in before.items()):
+            self.revision += 1
 
     def __post_init__(self) -> None:
         """Bring arrays to their types and check their shapes."""
@@ -271,3 +277,10 @@ def _colours(values: ArrayLike, count: int) -> Floats:
     if found.shape == (3,):
         return found
     return _array("colours", found, (count, 3))
+
+
+def _same(before: Any, now: Any) -> bool:
+    """Whether nothing changed; an array that is still the same one may have been written to."""
+    if isinstance(before, np.ndarray) and isinstance(now, np.ndarray):
+        return before is not now and np.array_equal(before, now, equal_nan=True)
+    return before is now or (type(before) is type(now) and bool(before == now))

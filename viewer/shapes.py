@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,19 +25,29 @@ def loft(
     |u|^square + |v|^square = 1, an ellipse for 2, nearly a rectangle for 6.
     """
     centres, first, second = (np.asarray(a, np.float64) for a in (centres, first, second))
-    angles = np.arange(AROUND) * (2 * np.pi / AROUND)
-    u, v = (np.sign(w) * np.abs(w) ** (2 / square) for w in (np.cos(angles), np.sin(angles)))
+    u, v = (np.sign(w) * np.abs(w) ** (2 / square) for w in _circle())
     rings = centres[:, None] + u[:, None] * first[:, None] + v[:, None] * second[:, None]
     vertices = np.concatenate([rings.reshape(-1, 3), centres[:1], centres[-1:]])
+    return smooth(vertices, _faces(len(centres)), colour)
+
+
+def _circle() -> tuple[Array, Array]:
+    angles = np.arange(AROUND) * (2 * np.pi / AROUND)
+    return np.cos(angles), np.sin(angles)
+
+
+@cache
+def _faces(sections: int) -> NDArray[np.int64]:
+    """Triangles around so many sections, one after the other, and the middles of the first and last one."""
     k = np.arange(AROUND)
     n = (k + 1) % AROUND
-    last = (len(centres) - 1) * AROUND
-    low, high = np.full(AROUND, len(vertices) - 2), np.full(AROUND, len(vertices) - 1)
+    last = (sections - 1) * AROUND
+    low, high = (np.full(AROUND, sections * AROUND + end) for end in (0, 1))
     faces = [np.stack([low, n, k], -1), np.stack([high, last + k, last + n], -1)]
     for r in range(0, last, AROUND):
         faces += [np.stack([r + k, r + n, r + AROUND + n], -1)]
         faces += [np.stack([r + k, r + AROUND + n, r + AROUND + k], -1)]
-    return smooth(vertices, np.concatenate(faces), colour)
+    return np.concatenate(faces)
 
 
 def smooth(vertices: Array, triangles: NDArray, colour: ArrayLike) -> Mesh:
@@ -108,11 +119,11 @@ def ellipsoid(centre: ArrayLike, half_axes: ArrayLike, colour: ArrayLike) -> Mes
 
 
 def across(along: Array) -> Array:
-    """Rows [3, 3] of unit vectors, right-handed, the first one given."""
-    other = np.eye(3)[np.argmin(np.abs(along))]
+    """Rows [..., 3, 3] of unit vectors, right-handed, the first one given [..., 3]."""
+    other = np.eye(3)[np.argmin(np.abs(along), axis=-1)]
     second = np.cross(along, other)
-    second /= np.linalg.norm(second)
-    return np.stack([along, second, np.cross(along, second)])
+    second /= np.linalg.norm(second, axis=-1, keepdims=True)
+    return np.stack([along, second, np.cross(along, second)], axis=-2)
 
 
 def merged(meshes: Sequence[Mesh]) -> Mesh:
@@ -128,19 +139,22 @@ def merged(meshes: Sequence[Mesh]) -> Mesh:
 
 def arrows(origins: Floats, vectors: Floats, colours: Floats, radius: float) -> Mesh:
     """Arrows as one mesh: shafts and heads, which are shorter where the arrow is; none without a length."""
-    made = []
-    for origin, vector, colour in zip(origins, vectors, np.broadcast_to(colours, origins.shape), strict=True):
-        length = float(np.linalg.norm(vector))
-        if length > 1e-6:
-            made.append(_arrow(origin, vector / length, length, radius, colour))
-    empty = np.zeros((0, 3), np.float32)
-    return merged(made) if made else Mesh(empty, empty, np.zeros((0, 3), np.int32), empty)
-
-
-def _arrow(origin: Floats, along: Floats, length: float, radius: float, colour: Floats) -> Mesh:
-    head = min(5 * radius, 0.6 * length)
-    wide = 2.4 * radius * head / (5 * radius)
-    frame = across(along.astype(np.float64))
-    rows = np.array([(0, radius), (length - head, radius), (length - head, wide), (length, 0.05 * radius)])
-    middles = origin + rows[:, :1] * frame[0]
-    return loft(middles, rows[:, 1:] * frame[1], rows[:, 1:] * frame[2], colour)
+    lengths = np.linalg.norm(vectors, axis=-1)
+    long = np.flatnonzero(lengths > 1e-6)
+    if not len(long):
+        empty = np.zeros((0, 3), np.float32)
+        return Mesh(empty, empty, np.zeros((0, 3), np.int32), empty)
+    start, length = origins[long].astype(np.float64), lengths[long].astype(np.float64)
+    frames = across(vectors[long] / length[:, None])
+    head = np.minimum(5 * radius, 0.6 * length)
+    shaft, none = np.full_like(head, radius), np.zeros_like(head)
+    places = np.stack([none, length - head, length - head, length], axis=-1)
+    radii = np.stack([shaft, shaft, 2.4 * head / 5, 0.05 * shaft], axis=-1)
+    middles = start[:, None] + places[..., None] * frames[:, None, 0]
+    u, v = (w[:, None] * frames[:, None, i] for i, w in enumerate(_circle(), start=1))  # [arrows, AROUND, 3]
+    rings = middles[:, :, None] + radii[..., None, None] * (u + v)[:, None]
+    vertices = np.concatenate([rings.reshape(len(long), -1, 3), middles[:, [0, -1]]], axis=1)
+    faces, corners = _faces(places.shape[1]), vertices.shape[1]
+    triangles = faces + corners * np.arange(len(long))[:, None, None]
+    shades = np.repeat(np.broadcast_to(colours, origins.shape)[long], corners, axis=0)
+    return smooth(vertices.reshape(-1, 3), triangles.reshape(-1, 3), shades)

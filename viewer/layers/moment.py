@@ -57,13 +57,10 @@ class Moment:
         )
         return positions[0], rotations[0]
 
-    @cached_property
+    @property
     def schema(self) -> Schema | None:
         """Of the features that are searched for."""
-        if self.member.data is not None:
-            return self.member.data.schema
-        told = self.member.timeline.about.get("schema")
-        return None if told is None else Schema.from_dict(told)
+        return self.member.schema
 
     @cached_property
     def size(self) -> float:
