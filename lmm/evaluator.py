@@ -203,3 +203,8 @@ class Evaluator:
     def nbytes(self) -> int:
         """Bytes of weights, scales, biases and normalisation, as they stand in memory."""
         return self.packed.nbytes
+
+    @property
+    def workspace(self) -> int:
+        """Bytes of what it works in, for as many rows as there is room for."""
+        return sum(array.nbytes for array in (*self._scratch, self._outputs))

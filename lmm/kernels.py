@@ -8,6 +8,8 @@ from typing import Any
 import numba
 import numpy as np
 
+from mm.codecs.kernels import half as float_of_half
+
 from .lanes import (
     GROUP,
     PANEL,
@@ -266,6 +268,16 @@ def all_times_pairs(tiles, rows, x, x_stride, panel, stride, pairs, scale, bias,
         else:
             rows_times_pairs(SHORT, at, x_stride, panel, stride, pairs, scale, bias, rectify, to, y_stride)
             n += SHORT
+
+
+@_jit
+def rows_of(frames, features, latents, out):
+    """Features [T, F] and latents [T, L], half floats seen as integers, of frames [N], to out [N, F + L]."""
+    width = features.shape[1]
+    for n in range(len(frames)):
+        out[n, :width] = features[frames[n]]
+        for c in range(latents.shape[1]):
+            out[n, width + c] = float_of_half(latents[frames[n], c])
 
 
 @_jit

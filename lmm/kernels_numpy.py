@@ -58,6 +58,10 @@ def _layers(x, matrices, layers, numbers, columns, elu, rounded, y):
     y[:, columns] = h[:, : len(columns)]
 
 
+def rows_of(frames, features, latents, out):
+    out[:] = np.concatenate([features[frames], latents[frames].view(np.float16)], axis=1)
+
+
 def advance(values, rates, fps):
     """See `lmm.kernels.advance`."""
     values += rates / fps

@@ -36,6 +36,7 @@ from mm.stages import (
 from motion.errors import UserError
 from motion.pose import Poses
 
+from . import kernels
 from .evaluator import Products, check_products
 from .model import Model
 from .stages import DecompressorDecompression, LatentState, ProjectorProjection, StepperStepping
@@ -62,10 +63,17 @@ class Rows:
         """F."""
         return self.data.features.shape[1]
 
-    def values(self, frames: NDArray[np.int32]) -> NDArray[np.float32]:
-        """Rows [N, F + L] of frames [N]."""
-        out = np.empty((len(frames), self.width + self.latents.shape[1]), np.float32)
-        out[:, : self.width], out[:, self.width :] = self.data.features[frames], self.latents[frames]
+    @property
+    def size(self) -> int:
+        """F + L."""
+        return self.width + self.latents.shape[1]
+
+    def values(
+        self, frames: NDArray[np.int32], out: NDArray[np.float32] | None = None
+    ) -> NDArray[np.float32]:
+        """Rows [N, F + L] of frames [N], in out [N or more, F + L] if that is given."""
+        out = np.empty((len(frames), self.size), np.float32) if out is None else out[: len(frames)]
+        kernels.rows_of(frames, self.data.features, self.latents.view(np.uint16), out)
         return out
 
     def states(self, frames: NDArray[np.int32]) -> LatentState:
@@ -175,12 +183,16 @@ class DecompressedFrames:
 
     def __init__(self, decompressor: DecompressorDecompression, rows: Rows) -> None:
         self._decompressor, self._rows = decompressor, rows
+        self._values = np.zeros((1, rows.size), np.float32)
 
     def decompress(self, state: FrameState, poses: Poses, contacts: NDArray[np.uint8]) -> None:
-        self._decompressor.decompress(self._rows.states(state.index), poses, contacts)
+        if len(state) > len(self._values):
+            self._values = np.zeros((len(state), self._rows.size), np.float32)
+        self._decompressor.decode(self._rows.values(state.index, self._values), poses, contacts)
 
     def memory(self) -> dict[str, int]:
-        return self._decompressor.memory() | self._rows.memory()
+        own = self._decompressor.memory()
+        return own | self._rows.memory() | {"workspace": own["workspace"] + self._values.nbytes}
 
 
 class LookedUpPoses:

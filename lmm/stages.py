@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from features import normalise
 from mm.settings import Settings
+from mm.stages import NOBODY
 from motion.errors import UserError
 from motion.pose import Poses
 
@@ -85,11 +86,11 @@ class LatentState:
     def tags(self) -> NDArray[np.uint32]:
         return self.asked
 
-    def ended(self) -> NDArray[np.bool_]:
-        return np.zeros(len(self), np.bool_)
+    def ended(self, out: NDArray[np.bool_]) -> None:
+        out[:] = False
 
     def jumped(self) -> NDArray[np.int64]:
-        return np.flatnonzero(self.moved)
+        return np.flatnonzero(self.moved) if self.moved.any() else NOBODY
 
     def take(self, who: NDArray[np.int64]) -> LatentState:
         taken = LatentState(self.values[who], self.width, self.asked[who], self.near[who])
@@ -172,7 +173,10 @@ class ProjectorProjection:
             )
 
     def memory(self) -> dict[str, int]:
-        return {"projector": self._network.nbytes + self._scale.nbytes}
+        return {
+            "projector": self._network.nbytes + self._scale.nbytes,
+            "workspace": self._network.workspace,
+        }
 
 
 class StepperStepping:
@@ -192,7 +196,7 @@ class StepperStepping:
         compiled: bool = True,
     ) -> None:
         self._width, self._fps = model.F, model.description.fps
-        self._middle = model.stepper.input_mean
+        self._middle = np.array(model.stepper.input_mean)  # a view would hold the model's file
         self._network = Evaluator(model.stepper, products=products, compiled=compiled)
         self._advance = (kernels if compiled else kernels_numpy).advance
         self._last, self._tags = last, tags
@@ -212,7 +216,7 @@ class StepperStepping:
                 np.copyto(state.asked, self._tags[state.near], where=known)
 
     def memory(self) -> dict[str, int]:
-        found = {"stepper": self._network.nbytes}
+        found = {"stepper": self._network.nbytes, "workspace": self._network.workspace}
         for name, array in (("ranges", self._last), ("tags", self._tags)):
             if array is not None:
                 found[name] = array.nbytes
@@ -232,11 +236,15 @@ class DecompressorDecompression:
         self._unpack = (kernels if compiled else kernels_numpy).unpack
 
     def decompress(self, state: LatentState, poses: Poses, contacts: NDArray[np.uint8]) -> None:
-        vectors = self._network.evaluate(state.values)
+        self.decode(state.values, poses, contacts)
+
+    def decode(self, values: NDArray[np.float32], poses: Poses, contacts: NDArray[np.uint8]) -> None:
+        """Write the poses [N, J, ..] and contacts [N, C] of features and latents [N, F + L]."""
+        vectors = self._network.evaluate(values)
         self._unpack(
             vectors, self._fps, poses.positions, poses.rotations, poses.velocities, poses.angular_velocities,
             contacts,
         )  # fmt: skip
 
     def memory(self) -> dict[str, int]:
-        return {"decompressor": self._network.nbytes}
+        return {"decompressor": self._network.nbytes, "workspace": self._network.workspace}

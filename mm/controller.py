@@ -101,7 +101,7 @@ class Controller:
         self._future_times = layout.times[future].astype(np.float32)
         self._future_slots = np.flatnonzero(future)
         self._past_slots = np.flatnonzero(past)
-        self._past_frames = -layout.times[past] * self.fps
+        self._past_frames = (-layout.times[past] * self.fps).astype(np.float32)
         self._present_slots = np.flatnonzero(layout.times == 0)
         self._normalisation = (stages.plain(description.offset), stages.plain(description.scale))
 
@@ -127,7 +127,12 @@ class Controller:
         self._sources, self._candidates = np.full((2, count), -1, np.int32)
         self._cost_current = np.full(count, np.nan, np.float32)
         self._cost_candidate = np.full(count, np.nan, np.float32)
-        self._moved = np.zeros(count, np.bool_)
+        self._moved, self._ended = np.zeros((2, count), np.bool_)
+        self._searching = np.zeros(count, np.int64)
+        # Room to work in: what is jumped to, and a character's joints in the world.
+        self._landing = Poses.empty(count, joints)
+        self._landing_contacts = np.zeros((count, feet), np.uint8)
+        self._world = np.zeros((joints, 3), np.float32), np.zeros((joints, 4), np.float32)
         self._take_settings(settings)
         self.timed = False
         self._lap_start = 0.0
@@ -211,18 +216,28 @@ class Controller:
             )
         characters, settings, shown = self.characters, self._settings, self._shown
         self._lap_start = time.perf_counter()
-        command = self._with_crouch(command)
-        ended = self.state.ended()
-        wrong = self._kernels.control(
-            characters, command.velocity, command.yaw, command.turn_rate, command.required_tags,
-            command.forbidden_tags, ended, settings, self._obstacles,
-            self._future_times, self._future_slots, self._trajectory,
+        required, forbidden = self._tags(command)
+        self.state.ended(self._ended)
+        wrong, searching = self._kernels.control(
+            characters, command.velocity, command.yaw, command.turn_rate, required, forbidden, self._ended,
+            settings, self._obstacles, self._future_times, self._future_slots, self._trajectory,
+            self._searching,
         )  # fmt: skip
         if wrong >= 0:
             raise NotFinite(f"the command of character {wrong} is not finite", remedy="give it numbers")
-        self._fill_past()
+        if self._past_slots.size or self._present_slots.size:
+            self._head = (self._head + 1) % self._history.shape[1]
+            self._kernels.remember(
+                characters, self._history, self._head, self._past_frames, self._past_slots,
+                self._present_slots, self._trajectory,
+            )  # fmt: skip
         self._lap("prediction")
-        self._search(command, ended)
+        self._moved[:] = False
+        if searching:
+            self._search(self._searching[:searching], required, forbidden)
+        else:
+            self._lap("query")
+            self._lap("projection")
         jumped = self.state.jumped()
         if len(jumped):
             self._blend(jumped, self.state.take(jumped))
@@ -247,46 +262,41 @@ class Controller:
             legs = self._legs
             self._lock_feet(
                 self._feet, self._contacts, settings, self.skeleton.parents, legs.needed, legs.joints,
-                legs.points, legs.hinges, legs.heights, shown.positions, self._rotations,
+                legs.points, legs.hinges, legs.heights, shown.positions, self._rotations, *self._world,
             )  # fmt: skip
         self._lap("foot lock")
         return self._pose
 
-    def _with_crouch(self, command: Command) -> Command:
-        """The command with its crouching as tags that are required, or forbidden to who goes upright."""
+    def _tags(self, command: Command) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
+        """Tags that are required and forbidden [N]; crouching is one, forbidden to who goes upright."""
         if not self._crouch_tag:
-            return command
+            return command.required_tags, command.forbidden_tags
         self._kernels.divide(
             command.crouch, self._crouch_tag, command.required_tags, command.forbidden_tags,
             self._required, self._forbidden,
         )  # fmt: skip
-        moves = command.velocity, command.yaw, command.turn_rate
-        return Command(*moves, self._required, self._forbidden, command.crouch)
+        return self._required, self._forbidden
 
-    def _search(self, command: Command, ended: NDArray[np.bool_]) -> None:
-        """Where a search is due, look for a better place in the data and jump there."""
-        self._moved[:] = False
-        who = np.flatnonzero(self.characters["searching"])
-        if len(who) == 0:
-            self._lap("query")
-            self._lap("projection")
-            return
+    def _search(
+        self, who: NDArray[np.int64], required: NDArray[np.uint32], forbidden: NDArray[np.uint32]
+    ) -> None:
+        """Look for a better place in the data for characters who, by tags [N], and jump there."""
         state = self.state.take(who)
         features, queries = state.features(), np.empty((len(who), self._queries.shape[1]), np.float32)
         self._kernels.build_queries(
             self.characters, who, features, self._trajectory, *self._columns, *self._normalisation, queries
         )
         current = normalise.total_costs(self._schema, queries, features)
-        required, forbidden = command.required_tags[who], command.forbidden_tags[who]
+        required, forbidden, ended = required[who], forbidden[who], self._ended[who]
         # Playing on has no price where it is impossible, or not what was asked for.
         barred = _lack(state.tags(), required, forbidden)
-        current[ended[who] | barred] = np.inf
+        current[ended | barred] = np.inf
         bound = current * np.float32(1 - self.settings.continuing_bias)
         self._sources[who] = state.origins()
         self._lap("query")
         candidates, costs, found = self.stages.projection.project(queries, state, bound, required, forbidden)
         if not found.all():
-            self._check_possible(who, ~found, ended[who], barred, required, forbidden)
+            self._check_possible(who, ~found, ended, barred, required, forbidden)
         if found.any():
             self._jump(who[found], candidates.take(np.flatnonzero(found)))
         self._queries[who] = queries
@@ -325,8 +335,7 @@ class Controller:
 
     def _blend(self, who: NDArray[np.int64], destination: stages.State) -> None:
         """From the next step on, blend characters who from what they show into the destination states."""
-        poses = Poses.empty(len(who), len(self.skeleton))
-        contacts = np.empty((len(who), self._contacts.shape[1]), np.uint8)
+        poses, contacts = self._landing[: len(who)], self._landing_contacts[: len(who)]
         self.stages.decompression.decompress(destination, poses, contacts)
         shown = self._shown
         self._kernels.transition(
@@ -334,22 +343,6 @@ class Controller:
             shown.positions, shown.rotations, shown.velocities, shown.angular_velocities, self._offsets,
             poses.positions, poses.rotations, poses.velocities, poses.angular_velocities,
         )  # fmt: skip
-
-    def _fill_past(self) -> None:
-        """Past and present trajectory samples: where the root was shown."""
-        if self._past_slots.size or self._present_slots.size:
-            root = self.characters["root"]
-            self._head = (self._head + 1) % self._history.shape[1]
-            self._history[:, self._head] = root
-            whole = np.floor(self._past_frames).astype(np.int64)
-            later, earlier = (
-                self._history[:, (self._head - back) % self._history.shape[1]] for back in (whole, whole + 1)
-            )
-            difference = earlier - later
-            difference[..., 2] = springs.wrap(difference[..., 2])
-            part = (self._past_frames - whole).astype(np.float32)
-            self._trajectory[:, self._past_slots] = later + part[:, None] * difference
-            self._trajectory[:, self._present_slots] = root[:, None]
 
     def _write_root(self) -> None:
         """Joint 0 of the pose shown, from the characters' roots."""
@@ -422,7 +415,7 @@ class Controller:
             self.characters, self._required, self._forbidden, self._feet, self._offsets, self._contacts,
             self._planted, self._trajectory, self._history, self._queries, self._played, self._sources,
             self._candidates, self._cost_current, self._cost_candidate, self._moved,
-            *self._playing.arrays().values(), *self._shown.arrays().values(), self._rotations,
+            self._ended, *self._playing.arrays().values(), *self._shown.arrays().values(), self._rotations,
         )  # fmt: skip
 
     def remember(self) -> tuple[Any, ...]:
@@ -438,11 +431,14 @@ class Controller:
         self.state.put(np.arange(self.count), state)
 
     def memory(self) -> dict[str, int]:
-        """Bytes by part: what the stages hold, statistics of features, and all that is held of one character
-        from frame to frame, its state."""
-        parts: dict[str, int] = {}
+        """Bytes by part: what the stages hold, statistics of features, all that is held of one character from
+        frame to frame, its state, and room to work in, which stages may have, too."""
+        room = sum(array.nbytes for array in self._landing.arrays().values())
+        room = (room + self._searching.nbytes + self._landing_contacts.nbytes) // self.count
+        parts = {"workspace": room + sum(array.nbytes for array in self._world)}
         for stage in (self.stages.projection, self.stages.stepping, self.stages.decompression):
-            parts |= stage.memory()
+            own = stage.memory()
+            parts |= own | {"workspace": parts["workspace"] + own.get("workspace", 0)}
         return parts | {
             "statistics": sum(array.nbytes for array in self._normalisation),
             "state": (sum(array.nbytes for array in self._held()) + self.state.nbytes) // self.count,

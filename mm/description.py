@@ -130,6 +130,7 @@ class Description:
         schema = Schema.from_dict(metadata["schema"])
         roles = tuple(metadata["contact_roles"])
         _check(arrays, metadata, len(skeleton), schema.size, len(roles))
+        arrays = {name: np.array(array) for name, array in arrays.items()}  # which hold on to no file
         legs, body = None, None
         if metadata["legs"]:
             legs = Legs(**{name: arrays[f"legs_{name}"] for name in _LEGS})

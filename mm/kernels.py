@@ -60,18 +60,20 @@ def _chase(x, z, vx, vz, ax, az, yaw, yaw_rate, dvx, dvz, dyaw, velocity_halflif
 
 @_jit
 def control(characters, velocity, yaw, turn_rate, required_tags, forbidden_tags, ended, settings, obstacles,
-            times, slots, trajectory):  # fmt: skip
+            times, slots, trajectory, who):  # fmt: skip
     """Take commands in, decide who searches, and predict the trajectory at future times.
 
     velocity [N, 2], yaw, turn_rate, tags [N]: see `mm.control.Command`; ended [N], whose data ends here;
     times [F] ascending seconds and their slots [F] in trajectory [N, K, 3] (x, z, yaw in the world), which
-    is written. Returns the first character whose command is not finite, before which nothing was done; or -1.
+    is written. Returns the first character whose command is not finite, before which nothing was done, or
+    -1; and how many search, who stand first in who [N].
     """
     s = settings[0]
     dt = s.dt
     for i in range(len(characters)):
         if not math.isfinite(velocity[i, 0] + velocity[i, 1] + yaw[i] + turn_rate[i]):
-            return i
+            return i, 0
+    count = 0
     for i in range(len(characters)):
         c = characters[i]
         dx, dz = velocity[i, 0] - c.desired_velocity[0], velocity[i, 1] - c.desired_velocity[1]
@@ -89,6 +91,9 @@ def control(characters, velocity, yaw, turn_rate, required_tags, forbidden_tags,
         c.until_forced = s.search_interval if c.forced else c.until_forced - dt
         c.searching = c.forced or ended[i] or c.until_search < dt / 2
         c.until_search = (s.search_interval if c.searching else c.until_search) - dt
+        if c.searching:
+            who[count] = i
+            count += 1
         c.velocity_change, c.yaw_change = velocity_change, yaw_change
         c.desired_velocity[0], c.desired_velocity[1] = velocity[i, 0], velocity[i, 1]
         c.desired_yaw = yaw[i]
@@ -110,7 +115,30 @@ def control(characters, velocity, yaw, turn_rate, required_tags, forbidden_tags,
             trajectory[i, slots[k], 0] = x
             trajectory[i, slots[k], 1] = z
             trajectory[i, slots[k], 2] = angle
-    return -1
+    return -1, count
+
+
+@_jit
+def remember(characters, history, head, frames, slots, present, trajectory):
+    """Write roots to history [N, H, 3], at the head of its ring, and past samples to trajectory [N, K, 3].
+
+    frames [P]: how long ago the samples of slots [P] were; present: slots of samples of now.
+    """
+    for i in range(len(characters)):
+        ring, root = history[i], characters[i].root
+        for a in range(3):
+            ring[head, a] = root[a]
+        for k in range(len(frames)):
+            whole = int(frames[k])
+            part = frames[k] - whole
+            later, earlier = ring[(head - whole) % len(ring)], ring[(head - whole - 1) % len(ring)]
+            sample = trajectory[i, slots[k]]
+            for a in range(2):
+                sample[a] = later[a] + part * (earlier[a] - later[a])
+            sample[2] = later[2] + part * springs.wrap(earlier[2] - later[2])
+        for k in present:
+            for a in range(3):
+                trajectory[i, k, a] = root[a]
 
 
 @_jit
@@ -328,3 +356,17 @@ def gather(frames, root_steps, positions, rotations, velocities, angular, contac
         to_angular[i, 0, 0], to_angular[i, 0, 1], to_angular[i, 0, 2] = 0.0, root_steps[f, 5], 0.0
         for a in range(contacts.shape[1]):
             to_contacts[i, a] = contacts[f, a]
+
+
+@_jit
+def at_ends(frames, last, ended):
+    """Write to ended [N] whether frames [N] are the last of their ranges; last [T] is that of each frame."""
+    for n in range(len(frames)):
+        ended[n] = frames[n] >= last[frames[n]]
+
+
+@_jit
+def play_on(frames, last):
+    """Go on to the next frame, unless it is the last of its range."""
+    for n in range(len(frames)):
+        frames[n] = min(frames[n] + 1, last[frames[n]])

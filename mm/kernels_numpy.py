@@ -37,11 +37,11 @@ def _chase(x, v, a, yaw, yaw_rate, desired, desired_yaw, s, dt):
 
 
 def control(characters, velocity, yaw, turn_rate, required_tags, forbidden_tags, ended, settings, obstacles,
-            times, slots, trajectory):  # fmt: skip
+            times, slots, trajectory, who):  # fmt: skip
     """See `mm.kernels.control`."""
     finite = np.isfinite(velocity.sum(axis=-1) + yaw + turn_rate)
     if not finite.all():
-        return int(np.argmin(finite))
+        return int(np.argmin(finite)), 0
     s, c = settings[0], characters
     dt, limit = s["dt"], s["forced_search_change"]
     retagged = (c["required_tags"] != required_tags) | (c["forbidden_tags"] != forbidden_tags)
@@ -68,7 +68,20 @@ def control(characters, velocity, yaw, turn_rate, required_tags, forbidden_tags,
         x = push_out(x, obstacles, s["body_radius"])
         before = time
         trajectory[:, slot, :2], trajectory[:, slot, 2] = x, angle
-    return -1
+    searching = np.flatnonzero(c["searching"])
+    who[: len(searching)] = searching
+    return -1, len(searching)
+
+
+def remember(characters, history, head, frames, slots, present, trajectory):
+    """See `mm.kernels.remember`."""
+    history[:, head] = characters["root"]
+    whole = np.floor(frames).astype(np.int64)
+    later, earlier = (history[:, (head - back) % history.shape[1]] for back in (whole, whole + 1))
+    difference = earlier - later
+    difference[..., 2] = springs.wrap(difference[..., 2])
+    trajectory[:, slots] = later + (frames - whole)[:, None] * difference
+    trajectory[:, present] = characters["root"][:, None]
 
 
 def divide(flags, tag, required, forbidden, to_require, to_forbid):
@@ -188,3 +201,11 @@ def gather(frames, root_steps, positions, rotations, velocities, angular, contac
     to_rotations[:, 0] = quat.from_yaw(steps[:, 2])
     to_velocities[:, 0] = np.stack([steps[:, 3], nothing, steps[:, 4]], axis=-1)
     to_angular[:, 0] = np.stack([nothing, steps[:, 5], nothing], axis=-1)
+
+
+def at_ends(frames, last, ended):
+    ended[:] = frames >= last[frames]
+
+
+def play_on(frames, last):
+    frames[:] = np.minimum(frames + 1, last[frames])

@@ -76,8 +76,8 @@ class State(Protocol):
         """Tags that what is played bears [N]."""
         ...
 
-    def ended(self) -> NDArray[np.bool_]:
-        """Whether the data ends here, so that a jump is due [N]."""
+    def ended(self, out: NDArray[np.bool_]) -> None:
+        """Write whether the data ends here, so that a jump is due [N]."""
         ...
 
     def jumped(self) -> NDArray[np.int64]:
@@ -205,8 +205,8 @@ class FrameState:
     def tags(self) -> NDArray[np.uint32]:
         return self.data.tags[self.index]
 
-    def ended(self) -> NDArray[np.bool_]:
-        return self.index >= self.data.last[self.index]
+    def ended(self, out: NDArray[np.bool_]) -> None:
+        kernels.at_ends(self.index, self.data.last, out)
 
     def jumped(self) -> NDArray[np.int64]:
         return NOBODY
@@ -265,7 +265,7 @@ class FrameStepping:
         return FrameState(np.full(count, self.first, np.int32), self.data)
 
     def step(self, state: FrameState) -> None:
-        np.minimum(state.index + 1, state.data.last[state.index], out=state.index)
+        kernels.play_on(state.index, state.data.last)
 
     def memory(self) -> dict[str, int]:
         data = self.data

@@ -36,18 +36,16 @@ FOOT = np.dtype(
 
 @_jit
 def lock_feet(feet, contacts, settings, parents, needed, legs, points, hinges, heights, positions,
-              rotations):  # fmt: skip
+              rotations, world_pos, world_rot):  # fmt: skip
     """Hold feet in contact where they are, by two-bone inverse kinematics; changes rotations in place.
 
     feet [N, C] records (`FOOT`), contacts [N, C]; needed [..] joints whose world transform is
     asked for, parents first; legs [C, 4]: up_leg, leg, foot and the joint that touches the ground; points
     [C, 3]: where in that joint's frame it touches; hinges
-    [C, 3]: the knee's axis in the up_leg's frame; heights [C, 2]: lowest and highest of a locked joint.
+    [C, 3]: the knee's axis in the up_leg's frame; heights [C, 2]: lowest and highest of a locked joint;
+    world_pos [J, 3], world_rot [J, 4] to work in.
     """
     s = settings[0]
-    joints = positions.shape[1]
-    world_pos = np.empty((joints, 3), np.float32)
-    world_rot = np.empty((joints, 4), np.float32)
     for i in range(len(feet)):
         for n in range(len(needed)):
             j = needed[n]

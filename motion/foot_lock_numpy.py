@@ -9,7 +9,7 @@ from .foot_lock import FULL_REACH, RESTING_OFFSET, RESTING_SPEED, SOFT_REACH
 
 
 def lock_feet(feet, contacts, settings, parents, needed, legs, points, hinges, heights, positions,
-              rotations):  # fmt: skip
+              rotations, *_):  # fmt: skip
     """See `motion.foot_lock.lock_feet`."""
     s = settings[0]
     world_pos, world_rot = positions.copy(), rotations.copy()

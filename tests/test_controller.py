@@ -103,6 +103,17 @@ def test_dividing_tags_are_those_of_the_twin():
     np.testing.assert_array_equal(found[0] & ~tag, [required & ~tag, forbidden & ~tag])
 
 
+def test_frames_play_to_the_end_of_their_range():
+    last, frames = np.array([2, 2, 2, 4, 4], np.int32), np.array([0, 2, 3, 4], np.int32)
+    for module in (kernels, kernels_numpy):
+        ended, playing = np.zeros((3, 4), np.bool_), frames.copy()
+        for row in ended:
+            module.at_ends(playing, last, row)
+            module.play_on(playing, last)
+        assert playing.tolist() == [2, 2, 4, 4]
+        assert ended.T.tolist() == [[0, 0, 1], [1, 1, 1], [0, 1, 1], [1, 1, 1]]
+
+
 def test_many_characters_do_what_one_does(database):
     """Same commands, same poses: in a crowd of different ones, too."""
 

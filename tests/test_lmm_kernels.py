@@ -367,6 +367,16 @@ def test_columns_without_direction_are_no_rotation_and_no_numbers_stay_none():
         assert np.isnan(poses.rotations[0, 5:]).any(axis=-1).all()
 
 
+def test_rows_of_frames_are_their_features_and_latents():
+    rng = np.random.default_rng(0)
+    features, latents = rng.normal(size=(9, 4)).astype(np.float32), rng.normal(size=(9, 3)).astype(np.float16)
+    frames, found = np.array([3, 0, 8, 3], np.int32), np.zeros((2, 4, 7), np.float32)
+    kernels.rows_of(frames, features, latents.view(np.uint16), found[0])
+    kernels_numpy.rows_of(frames, features, latents.view(np.uint16), found[1])
+    np.testing.assert_array_equal(found[0], found[1])
+    np.testing.assert_array_equal(found[0][2], [*features[8], *latents[8]])
+
+
 def test_a_state_advances_by_a_frame():
     rng = np.random.default_rng(0)
     values, rates = rng.normal(size=(2, 5, 7)).astype(np.float32)

@@ -93,7 +93,9 @@ def test_learned_states_are_taken_and_put_apart():
     np.testing.assert_array_equal(state.age, [3, 1, 3])
     np.testing.assert_array_equal(state.landed[:, 0], [8, 0, 8])
     np.testing.assert_array_equal(state.jumped(), [1])
-    assert len(state) == 3 and (state.frames() == -1).all() and not state.ended().any()
+    ended = np.ones(3, np.bool_)
+    state.ended(ended)
+    assert len(state) == 3 and (state.frames() == -1).all() and not ended.any()
 
 
 def test_tags_that_a_projector_does_not_know_are_refused():

@@ -178,9 +178,9 @@ def fields(characters: np.ndarray) -> list[np.ndarray]:
 def call(controller: LocomotionController, name: str) -> None:
     """One of its kernels, with all that a frame gives it."""
     c, everyone, rng = controller, commands(7), np.random.default_rng(4)
-    y = rng.standard_normal((7, c.model.layout.output_size)).astype(np.float32)
-    if c.model.family == "mann":
-        columns = c.model.layout.outputs["rotations"].start + np.arange(6)
+    y = rng.standard_normal((7, c.layout.output_size)).astype(np.float32)
+    if c.name.startswith("mann"):
+        columns = c.layout.outputs["rotations"].start + np.arange(6)
         y[: len(NOWHERE), columns], y[6, columns[2]] = NOWHERE, np.nan
     kernels, shown = c._steps, c._shown
     if name == "plan":

@@ -38,7 +38,7 @@ def test_inputs_say_what_is_asked_and_what_was() -> None:
         before = controller.characters["root"][0].copy(), controller.characters["velocity"][0].copy()
         predicted = controller.characters["future"][0].copy()
         controller.step(command)
-    parts = controller.model.layout.unpack_inputs(controller._x)
+    parts = controller.layout.unpack_inputs(controller._x)
     np.testing.assert_allclose(parts.speeds[0], np.where(np.arange(12) < 4, 1.5, 0.5), atol=1e-3)
     back = quat.from_yaw(-before[0][2])
 

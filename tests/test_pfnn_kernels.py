@@ -101,7 +101,9 @@ def test_memory_is_that_of_the_sets_and_what_pads_them() -> None:
         memory = evaluator.memory()
         assert memory["network"] == network.weight_bytes(mode)
         packed = evaluator.packed
+        room = memory.pop("workspace")
         assert sum(memory.values()) == packed.weights.nbytes + packed.numbers.nbytes
+        assert room > 4 * sum(network.sizes)
 
 
 def test_other_batches_than_it_has_room_for_are_refused() -> None:

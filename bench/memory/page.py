@@ -21,7 +21,12 @@ from .measure import Memory
 COLUMNS = (
     ("stored_mb", "stored MB", 2, "files that it is read from"),
     ("memory_mb", "loaded MB", 2, "what it holds of all data and one character"),
-    ("resident_mb", "resident MB", 1, "what a process holds more for it, files read included"),
+    (
+        "resident_mb",
+        "resident MB",
+        1,
+        "what a process holds more for it; a file that it still reads a part of counts as a whole",
+    ),
     ("peak_mb", "peak MB", 1, "the most that a process held more while it was made and run"),
     (
         "pose_cm",

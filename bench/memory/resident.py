@@ -17,8 +17,12 @@ import sys
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from motion import console
+
+if TYPE_CHECKING:
+    from mm.control import System
 
 STATUS, FORGET = Path("/proc/self/status"), Path("/proc/self/clear_refs")
 STEPS = 120  # frames
@@ -62,16 +66,22 @@ def measure(subject: Subject) -> Resident:
     return Resident(**json.loads(done.stdout))
 
 
-def _run(subject: Subject) -> int:
-    """Make a system and step it; bytes resident at the end."""
+def _made(subject: Subject) -> System:
+    """The system, which alone holds what it needs of its files from here on."""
     from bench import systems
-    from mm.control import Command
     from mm.database import Database
 
     models = systems.load_models(subject.models) if subject.models else {}
     database = None if subject.database is None else Database.load(subject.database)
     (entry,) = systems.choose([subject.system], models=models, codecs=subject.codecs)
-    system, command = entry.make(database, 1), Command.still(1)
+    return entry.make(database, 1)
+
+
+def _run(subject: Subject) -> int:
+    """Make a system and step it; bytes resident at the end."""
+    from mm.control import Command
+
+    system, command = _made(subject), Command.still(1)
     for t in range(STEPS):
         command.velocity[0, 1] = 1.5 * (t > STEPS // 3)
         system.step(command)

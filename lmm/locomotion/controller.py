@@ -38,7 +38,8 @@ class LocomotionController:
 
     Whatever N, a character does the same: bit for bit, with bfloat16 products but for rounding.
     `stage_seconds` holds the time of the last step by stage when `timed` is set. What is a network's own:
-    its evaluator, kernels, what a character remembers, and how it stands on the ground.
+    its evaluator, kernels, what a character remembers, and how it stands on the ground. The model's weights
+    are not held: the evaluator has its own.
 
     Parameters
     ----------
@@ -73,9 +74,10 @@ class LocomotionController:
     ) -> None:
         if count < 1:
             raise UserError(f"{count} characters", remedy="ask for one or more")
-        self.model, self.description, self.count = model, model.description, count
-        self.network = self._evaluator(products, count, compiled)
+        self.description, self.layout, self.count = model.description, model.layout, count
+        self.network = self._evaluator(model.network, products, count, compiled)
         self._steps = self.kernels[0 if compiled else 1]
+        self._kind, self._tells_contacts = model.kind, bool(model.contacts)
         description, layout = model.description, model.layout
         self.skeleton, self.fps = description.skeleton, description.fps
         self.name = name or f"{model.family}-{self.network.variant}"
@@ -111,23 +113,24 @@ class LocomotionController:
         self._rotations = self._shown.rotations.copy()
         shown = self._shown
         self._pose = Poses(shown.positions, self._rotations, shown.velocities, shown.angular_velocities)
+        self._world = np.zeros((joints, 3), np.float32), np.zeros((joints, 4), np.float32)
         self._contacts = np.zeros((count, len(feet)), np.uint8)
         self._feet = np.zeros((count, len(feet)), foot_lock.FOOT)
         self._command = Command.still(count)
         self.timed = False
         self._lap_start = 0.0
         self.stage_seconds = dict.fromkeys(STAGES, 0.0)
-        self._rest = self._settle()
+        self._rest = self._settle(model.network.output_mean)
         self.reset(np.zeros((count, 2), np.float32), np.zeros(count, np.float32))
 
-    def _evaluator(self, products: Products, count: int, compiled: bool) -> Any:
-        """The network at run time, which tells its `variant` and `memory`."""
+    def _evaluator(self, network: Any, products: Products, count: int, compiled: bool) -> Any:
+        """A network at run time, which tells its `variant` and `memory`."""
         raise NotImplementedError
 
     def _take_settings(self, settings: LocomotionSettings) -> None:
         description = self.description
         # The legs first: a skeleton that lacks them leaves all as it was.
-        locks = settings.foot_lock and bool(self.model.contacts)
+        locks = settings.foot_lock and self._tells_contacts
         self._legs = description.feet(settings.foot_height) if locks else None
         if self._legs is not None:
             self._lock_heights = self._legs.heights
@@ -234,13 +237,13 @@ class LocomotionController:
             x, z = self.characters["root"][:, 0], self.characters["root"][:, 1]
             self.characters["height"] = self.characters["shown_height"] = heights(self._ground, x, z)
 
-    def _settle(self) -> tuple[Any, ...]:
-        """A character at rest: what the network makes of its mean pose when it is asked to stand."""
+    def _settle(self, mean: NDArray[np.float32]) -> tuple[Any, ...]:
+        """A character at rest: what the network makes of its mean outputs' pose when it is asked to stand."""
         one, command = slice(0, 1), Command.still(1)
         self._place(one, np.zeros((1, 2)), np.zeros(1))
         stand = np.eye(len(self.characters["gait"][0]))[0]
         self.characters["gait"][0] = self._past[0, :, 4 : trajectory.PAST] = stand
-        self._begin(self.model.layout.unpack_outputs(self.model.network.output_mean[None]))
+        self._begin(self.layout.unpack_outputs(mean[None]))
         for _ in range(round(SETTLING * self.fps)):
             self._frame(one, command, None)
         fed = tuple(array[0].copy() for array in self._fed)
@@ -270,6 +273,7 @@ class LocomotionController:
             self._lock_feet(
                 self._feet, self._contacts, self._lock_settings, self.skeleton.parents, legs.needed,
                 legs.joints, legs.points, legs.hinges, self._lock_heights, shown.positions, self._rotations,
+                *self._world,
             )  # fmt: skip
         self._lap("foot lock")
         return self._pose
@@ -289,9 +293,7 @@ class LocomotionController:
         """A UserError for any tags: a network of locomotion knows none."""
         names = self.description.tags_of(required | forbidden)
         if names:
-            raise UserError(
-                f"a {self.model.kind} knows nothing of the tag {names[0]!r}", remedy="ask for no tags"
-            )
+            raise UserError(f"a {self._kind} knows nothing of the tag {names[0]!r}", remedy="ask for no tags")
 
     def contacts(self) -> NDArray[np.uint8]:
         """Which feet touch the ground by the network [N, C]; valid until the next step."""
@@ -322,8 +324,13 @@ class LocomotionController:
         }
 
     def memory(self) -> dict[str, int]:
-        """Bytes by part: weights, their padding and statistics, the state of one character."""
-        return self.network.memory() | {"state": sum(array.nbytes for array in self._held()) // self.count}
+        """Bytes by part: weights, their padding, statistics, room to work in, the state of one character."""
+        own = self.network.memory()
+        room = sum(array.nbytes for array in (self._turned, *self._world))
+        return own | {
+            "workspace": own["workspace"] + room,
+            "state": sum(array.nbytes for array in self._held()) // self.count,
+        }
 
     def _held(self) -> tuple[NDArray, ...]:
         """All arrays that are held of the characters from frame to frame."""

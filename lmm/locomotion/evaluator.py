@@ -150,10 +150,11 @@ class MixedEvaluator:
         return y
 
     def memory(self) -> dict[str, int]:
-        """Bytes: of the weight sets (REFERENCE 4.3), what pads them, the normalisation."""
+        """Bytes: of the weight sets (REFERENCE 4.3), what pads them, the normalisation, what it works in."""
         padding = self.packed.weights.nbytes - self.weight_bytes
         return {
             "network": self.weight_bytes,
             "padding": padding,
             "statistics": self.packed.numbers.nbytes,
+            "workspace": sum(array.nbytes for array in (self._shares, self._order, *self._scratch, self._y)),
         }

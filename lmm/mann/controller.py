@@ -13,6 +13,7 @@ from ..locomotion.controller import LocomotionController
 from . import steps, steps_numpy
 from .evaluator import MannEvaluator
 from .layout import to_axes
+from .network import MannNetwork
 
 
 class MannController(LocomotionController):
@@ -26,8 +27,10 @@ class MannController(LocomotionController):
     past = trajectory.PAST + 3  # velocity x, z in the world, the speed asked for
     fed = 3, 3, 6  # axes, too
 
-    def _evaluator(self, products: Products, count: int, compiled: bool) -> MannEvaluator:
-        return MannEvaluator(self.model.network, products=products, count=count, compiled=compiled)
+    def _evaluator(
+        self, network: MannNetwork, products: Products, count: int, compiled: bool
+    ) -> MannEvaluator:
+        return MannEvaluator(network, products=products, count=count, compiled=compiled)
 
     def _blends(self, spacing: int) -> tuple[NDArray, ...]:
         return *super()._blends(spacing), trajectory.blend(spacing, 0, self.settings.position_bias)[1]

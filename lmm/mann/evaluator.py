@@ -46,9 +46,9 @@ class MannEvaluator(MixedEvaluator):
         )
         self._gate = (kernels if compiled else kernels_numpy).gate
         layers = zip(network.gate_weights, network.gate_biases, strict=True)
-        parts = [plain(part) for layer in layers for part in layer]
+        parts = [plain(np.array(part)) for layer in layers for part in layer]
         between = (np.zeros(width, np.float32) for width in network.gate_sizes[1:-1])
-        self._of_gate: tuple[NDArray, ...] = (plain(network.gate_columns), *parts, *between)
+        self._of_gate: tuple[NDArray, ...] = (plain(np.array(network.gate_columns)), *parts, *between)
 
     def evaluate(self, x: NDArray[np.float32]) -> NDArray[np.float32]:
         """Outputs [N, O] of inputs [N, I]; valid until the next call."""

@@ -13,6 +13,7 @@ from ..locomotion.controller import LocomotionController
 from . import steps, steps_numpy
 from .evaluator import PhaseEvaluator
 from .model import PhaseModel
+from .network import PhaseNetwork
 from .spline import Mode
 
 
@@ -29,10 +30,10 @@ class PhaseController(LocomotionController):
         self._mode: Mode = mode
         super().__init__(model, **options)
 
-    def _evaluator(self, products: Products, count: int, compiled: bool) -> PhaseEvaluator:
-        return PhaseEvaluator(
-            self.model.network, mode=self._mode, products=products, count=count, compiled=compiled
-        )
+    def _evaluator(
+        self, network: PhaseNetwork, products: Products, count: int, compiled: bool
+    ) -> PhaseEvaluator:
+        return PhaseEvaluator(network, mode=self._mode, products=products, count=count, compiled=compiled)
 
     def _stand(self, characters: NDArray, heights: NDArray[np.float32], x: NDArray[np.float32]) -> None:
         self._steps.write_heights(characters, heights, self._into, x)

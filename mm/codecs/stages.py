@@ -36,7 +36,8 @@ class DecodedPoses:
         )  # fmt: skip
 
     def memory(self) -> dict[str, int]:
-        return self._tables.memory()
+        spare = sum(array.nbytes for array in self._spare.arrays().values())
+        return self._tables.memory() | {"workspace": spare}
 
 
 def stages(
