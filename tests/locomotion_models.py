@@ -40,12 +40,20 @@ def part(command: Command, n: int) -> Command:
     return Command(*(getattr(command, field.name)[n : n + 1] for field in fields(Command)))
 
 
-def gliding(model: Any, *, bent: bool = False) -> Any:
-    """A model of a body that glides forward at 0.3 m/s, all contacts on; bent knees reach back."""
+def still_turned(model: Any) -> Any:
+    """A model that does not turn."""
+    mean, std = model.network.output_mean.copy(), model.network.output_std.copy()
+    turned = model.layout.outputs["turn_rate"]
+    mean[turned], std[turned] = 0, 1e-6
+    return replace(model, network=replace(model.network, output_mean=mean, output_std=std))
+
+
+def gliding(model: Any, *, bent: bool = False, speed: float = 0.3) -> Any:
+    """A model of a body that glides forward at a speed, m/s, all contacts on; bent knees reach back."""
     mean, std = model.network.output_mean.copy(), model.network.output_std.copy()
     outputs = model.layout.outputs
     mean[outputs["contacts"]], std[outputs["contacts"]] = 1, 1e-4
-    mean[outputs["root_velocity"]], std[outputs["root_velocity"]] = (0, 0.3), 1e-4
+    mean[outputs["root_velocity"]], std[outputs["root_velocity"]] = (0, speed), 1e-4
     for side in ("left", "right") if bent else ():
         knee = model.description.skeleton.role(f"{side}_leg") - 1
         mean[outputs["positions"]][3 * knee + 2] += 0.25

@@ -43,8 +43,10 @@ def description(fps: float = 60.0) -> Description:
 def standing(made: Any, layout: BlockLayout, found: Description, spread: float, **means: Any) -> Any:
     """A network whose outputs are about somebody who stands in the skeleton's rest pose, facing +Z.
 
-    spread : by how much; means : those of other blocks.
+    spread : by how much; means : those of other blocks. Of all gaits it has seen as much.
     """
+    seen = made.input_mean.copy()
+    seen[layout.inputs["gaits"]] = 1 / 6
     mean, std = np.zeros(layout.output_size, np.float32), np.full(layout.output_size, spread, np.float32)
     world = found.skeleton.offsets.copy()
     for j in range(1, len(world)):
@@ -55,7 +57,7 @@ def standing(made: Any, layout: BlockLayout, found: Description, spread: float, 
     for block, values in means.items():
         mean[outputs[block]] = values
     std[outputs["contacts"]] = std[outputs["root_velocity"]] = 1
-    return replace(made, output_mean=mean, output_std=std)
+    return replace(made, input_mean=seen, output_mean=mean, output_std=std)
 
 
 def model(

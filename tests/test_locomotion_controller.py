@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from locomotion_models import CONTROLLERS, HASTY, MODELS, commands, drift, gliding, part
+from locomotion_models import CONTROLLERS, HASTY, MODELS, commands, drift, gliding, part, still_turned
 
 from lmm.locomotion.controller import STAGES
 from lmm.locomotion.settings import LocomotionSettings
@@ -167,6 +167,62 @@ def test_gaits_follow_the_command(kind: str) -> None:
         for _ in range(120):
             controller.step(command)
         np.testing.assert_allclose(controller.characters["gait"][0], np.eye(6)[gait], atol=1e-3)
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+@pytest.mark.parametrize("kind", MODELS)
+def test_what_the_data_has_no_gait_of_is_asked_in_one_that_it_has(
+    kind: str, compiled: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if not compiled:
+        monkeypatch.setattr(*HASTY)
+    model = MODELS[kind]()
+    mean = model.network.input_mean.copy()
+    mean[model.layout.inputs["gaits"]] = np.repeat([0.1, 0.895, 0.0, 0.005, 0.0, 0.0], 12)
+    model = replace(model, network=replace(model.network, input_mean=mean))
+    settings = LocomotionSettings(jog_from=1.5, jog_to=2.0)
+    controller = CONTROLLERS[kind](model, settings=settings, compiled=compiled)
+    for speed, crouch in ((3.0, False), (1.0, True)):
+        command = Command.still(1)
+        command.velocity[0, 1], command.crouch[0] = speed, crouch
+        for _ in range(90):
+            controller.step(command)
+        np.testing.assert_allclose(controller.characters["gait"][0], np.eye(6)[1], atol=2e-3)
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+@pytest.mark.parametrize("kind", MODELS)
+@pytest.mark.parametrize("ratio", [0.0, 0.2, 0.9])
+def test_roots_are_drawn_to_the_way_asked_by_a_share_of_their_speed(
+    kind: str, compiled: bool, ratio: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The network goes straight on at 1 m/s, whatever it is asked."""
+    monkeypatch.setattr(*HASTY)
+    model = still_turned(gliding(MODELS[kind](), speed=1.0))
+    settings = LocomotionSettings(adjustment_ratio=ratio, velocity_halflife=0, gait_halflife=0)
+    for degrees, drawn in ((0, 0.0), (30, 0.5), (-30, -0.5), (150, 0.0)):
+        controller = CONTROLLERS[kind](model, settings=settings, compiled=compiled)
+        controller.reset(np.zeros((1, 2)), np.zeros(1))
+        asked, command = np.radians(degrees), Command.still(1)
+        command.velocity[0] = 2 * np.sin(asked), 2 * np.cos(asked)
+        before = controller.characters["root"][0, :2].copy()
+        controller.step(command)
+        went = 60 * (controller.characters["root"][0, :2] - before)
+        # What is taken away of its way lies across that asked, and is all of it where that is no more.
+        across = np.array([np.cos(asked), -np.sin(asked)])
+        share = np.sign(drawn) * min(abs(drawn), ratio)
+        np.testing.assert_allclose(went, [0, 1] + share * across, atol=2e-3)
+
+
+@pytest.mark.parametrize("kind", MODELS)
+def test_nobody_is_drawn_anywhere_who_is_asked_to_stand(kind: str) -> None:
+    controller, command = CONTROLLERS[kind](MODELS[kind]()), Command.still(1)
+    command.velocity[0] = 1, 1
+    for frame in range(300):
+        if frame == 10:
+            command.velocity[:] = 0  # what is taken in of it becomes as small as numbers can be
+        controller.step(command)
+    assert np.isfinite(controller.characters["root"]).all()
 
 
 @pytest.mark.parametrize("fps", [30.0, 120.0])

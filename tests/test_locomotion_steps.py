@@ -124,7 +124,7 @@ def hills(x: np.ndarray, z: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("stretch", [0.5, 2.0])
 def test_it_is_the_window_of_120_frames(stretch: float) -> None:
     settings = LocomotionSettings(position_bias=stretch, direction_bias=3.0, foot_lock=False, jog_from=1.0,
-                             jog_to=2.0, velocity_halflife=0.05)  # fmt: skip
+                             jog_to=2.0, velocity_halflife=0.05, adjustment_ratio=0)  # fmt: skip
     model = pfnn_models.model()
     controller = PhaseController(model, settings=settings, ground=hills)
     controller.reset([[3, -2]], [2.0])

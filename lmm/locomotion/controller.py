@@ -25,11 +25,12 @@ from . import settings as settings_types
 from . import trajectory
 from .model import LocomotionModel
 from .settings import LocomotionSettings
-from .window import SAMPLES, SIDES
+from .window import GAITS, PRESENT, SAMPLES, SIDES
 
 STAGES = ("trajectory", "network", "pose", "foot lock")
 FIRST = ("path", "facing", "gaits", "positions", "velocities")  # blocks of inputs that all kernels want
 SETTLING = 3.0  # seconds in which a character comes to rest out of the mean pose
+RARE = 0.01  # share of the data's frames; a gait that is no more than that was not learned
 ANY_HEIGHT = 1e6  # metres; feet lock as high as they stand where the ground is not flat
 
 
@@ -99,6 +100,9 @@ class LocomotionController:
         if missing:
             raise UserError(f"the network tells nothing of the contact {missing[0]!r}")
         self._contact_columns = np.array([model.contacts.index(role) for role in told], np.int64)
+        gaits = layout.inputs["gaits"].start + SAMPLES * np.arange(len(GAITS)) + PRESENT
+        shares = dict(zip(GAITS, model.network.input_mean[gaits].tolist(), strict=True))
+        self._knows = {"jogs": shares["jog"] > RARE, "crouches": shares["crouch"] > RARE}
         self._take_settings(settings or LocomotionSettings())
 
         self.characters = np.zeros(count, self.character)
@@ -140,7 +144,7 @@ class LocomotionController:
                 self._lock_heights = plain(anywhere)
         self.settings = settings
         self._settings = settings_types.record(
-            settings, self.fps, walk_mps=description.walk_mps, run_mps=description.run_mps
+            settings, self.fps, walk_mps=description.walk_mps, run_mps=description.run_mps, **self._knows
         )
         self._lock_settings = mm_settings.record(
             mm_settings.Settings(foot_halflife=settings.foot_halflife, unlock_radius=settings.unlock_radius),

@@ -25,6 +25,9 @@ class LocomotionSettings:
     stand_speed : below it a character is asked to stand, the slower the more.
     jog_from, jog_to : speeds between which walk goes over to jog; None lays them at a third and two thirds
         of the way from the data's walking to its running speed.
+    adjustment_ratio : the root is drawn to the way asked, from aside, by at most this share of its own speed;
+        characters of motion matching are by half. 0, as published, leaves the way to the network, which goes
+        where the body faces rather than aside.
     joint_smoothing : share of the last frame's joints, moved on by their velocities, in those shown.
     stretch : whether joints are shown where the network puts them, else bones keep their length.
     foot_lock, foot_halflife, unlock_radius, foot_height, body_radius : see `mm.settings.Settings`.
@@ -39,6 +42,7 @@ class LocomotionSettings:
     stand_speed: float = 0.06
     jog_from: float | None = None
     jog_to: float | None = None
+    adjustment_ratio: float = 0.2
     joint_smoothing: float = 0.5
     stretch: bool = True
     foot_lock: bool = True
@@ -68,6 +72,9 @@ RECORD = np.dtype(
             "stand_speed",
             "jog_from",
             "jog_to",
+            "jogs",
+            "crouches",
+            "adjustment_ratio",
             "joint_smoothing",
             "body_radius",
         )
@@ -76,10 +83,22 @@ RECORD = np.dtype(
 )
 
 
-def record(settings: LocomotionSettings, fps: float, *, walk_mps: float, run_mps: float) -> np.ndarray:
-    """Settings as one `RECORD` [1], for data of these walking and running speeds."""
+def record(
+    settings: LocomotionSettings,
+    fps: float,
+    *,
+    walk_mps: float,
+    run_mps: float,
+    jogs: bool = True,
+    crouches: bool = True,
+) -> np.ndarray:
+    """Settings as one `RECORD` [1], for data of these walking and running speeds that has these gaits or not.
+
+    Of a gait that is not in the data a network knows nothing: it is not asked for.
+    """
     out = np.zeros(1, RECORD)
-    for name in ("stand_speed", "joint_smoothing", "body_radius"):
+    out["jogs"], out["crouches"] = jogs, crouches
+    for name in ("stand_speed", "adjustment_ratio", "joint_smoothing", "body_radius"):
         out[name] = getattr(settings, name)
     for name in ("velocity", "facing", "gait", "crouch"):
         halflife = getattr(settings, f"{name}_halflife")

@@ -18,6 +18,7 @@ from motion.quat_scalar import inv, log_shortest, mul, rotate
 _jit = numba.njit(cache=True, nogil=True, error_model="numpy")
 
 SAMPLES, FUTURE, ASIDE = 12, 6, 0.25  # as `lmm.locomotion.window` has them
+NOWHERE = 1e-6  # m^2/s^2: who is asked to go slower is asked to go no way
 
 
 @_jit
@@ -38,7 +39,7 @@ def plan(characters, past, head, velocity, yaw, turn_rate, crouch, settings, sum
         for a in range(2):
             c.target_velocity[a] += s.velocity_share * (velocity[i, a] - c.target_velocity[a])
         c.target_yaw = springs.wrap(c.target_yaw + s.facing_share * springs.wrap(yaw[i] - c.target_yaw))
-        c.crouch += s.crouch_share * ((1 if crouch[i] else 0) - c.crouch)
+        c.crouch += s.crouch_share * ((s.crouches if crouch[i] else 0) - c.crouch)
         _choose_gait(c, s)
         _write_past(c, past[i], head, into, x[i])
         _write_future(c, turn_rate[i], s.dt, len(past[i]) // FUTURE, sums, turns, into, x[i])
@@ -55,7 +56,7 @@ def _choose_gait(c, s):
     vx, vz = c.target_velocity[0], c.target_velocity[1]
     speed = math.sqrt(vx * vx + vz * vz)
     stand = 1 - min(speed / s.stand_speed, 1.0) if s.stand_speed > 0 else 0.0
-    jog = min(max((speed - s.jog_from) / (s.jog_to - s.jog_from), 0.0), 1.0)
+    jog = s.jogs * min(max((speed - s.jog_from) / (s.jog_to - s.jog_from), 0.0), 1.0)
     going, upright = 1 - stand, 1 - c.crouch
     gait = (stand, going * upright * (1 - jog), going * upright * jog, going * c.crouch, 0.0, 0.0)
     for g in range(6):
@@ -195,10 +196,22 @@ def remember(c, frame):
 
 
 @_jit
+def _drawn(vx, vz, asked, ratio):
+    """A velocity without what of it is aside of the way asked, but for what exceeds ratio times its speed."""
+    along, square = vx * asked[0] + vz * asked[1], asked[0] * asked[0] + asked[1] * asked[1]
+    if along <= 0 or square < NOWHERE:
+        return vx, vz
+    ax, az = vx - along / square * asked[0], vz - along / square * asked[1]
+    aside, most = math.sqrt(ax * ax + az * az), ratio * math.sqrt(vx * vx + vz * vz)
+    share = min(aside, most) / max(aside, 1e-9)
+    return vx - share * ax, vz - share * az
+
+
+@_jit
 def move_root(c, s, vx, vz, turn_rate, obstacles):
     """Move the root on by a local velocity and a turn rate; who stands hardly moves. Returns that share."""
     going = max(1 - c.gait[0], 0.0) ** 0.25
-    vx, vz = turn(vx, vz, c.root[2])
+    vx, vz = _drawn(*turn(vx, vz, c.root[2]), c.target_velocity, s.adjustment_ratio)
     x, z = c.root[0] + going * vx * s.dt, c.root[1] + going * vz * s.dt
     x, z = push_out(x, z, obstacles, s.body_radius)
     c.velocity[0], c.velocity[1] = (x - c.root[0]) / s.dt, (z - c.root[1]) / s.dt

@@ -8,6 +8,7 @@ from features import trajectory as ground_plane
 from mm.kernels_numpy import push_out
 from motion import quat, springs
 
+from .steps import NOWHERE
 from .window import ASIDE, FUTURE, GAITS, PRESENT, SAMPLES, SIDES
 
 
@@ -21,7 +22,7 @@ def plan(characters, past, head, velocity, yaw, turn_rate, crouch, settings, sum
     c["target_velocity"] += s["velocity_share"] * (velocity - c["target_velocity"])
     change = s["facing_share"] * springs.wrap(yaw - c["target_yaw"])
     c["target_yaw"] = springs.wrap(c["target_yaw"] + change)
-    c["crouch"] += s["crouch_share"] * (crouch - c["crouch"])
+    c["crouch"] += s["crouch_share"] * (s["crouches"] * crouch - c["crouch"])
     c["gait"] += s["gait_share"] * (_gait(c, s) - c["gait"])
 
     root, yaws = c["root"][:, :2], c["root"][:, 2]
@@ -43,7 +44,7 @@ def _gait(c, s):
     """The gaits [N, 6] that belong to what is asked."""
     speed = np.linalg.norm(c["target_velocity"], axis=1)
     stand = 1 - np.minimum(speed / s["stand_speed"], 1) if s["stand_speed"] > 0 else np.zeros(len(c))
-    jog = np.clip((speed - s["jog_from"]) / (s["jog_to"] - s["jog_from"]), 0, 1)
+    jog = s["jogs"] * np.clip((speed - s["jog_from"]) / (s["jog_to"] - s["jog_from"]), 0, 1)
     upright = (1 - stand) * (1 - c["crouch"])
     found = {"stand": stand, "walk": upright * (1 - jog), "jog": upright * jog}
     found["crouch"] = (1 - stand) * c["crouch"]
@@ -127,9 +128,21 @@ def move_root(c, s, velocities, turn_rates, obstacles):
     yaws = c["root"][:, 2]
     going = np.maximum(1 - c["gait"][:, 0], 0) ** 0.25
     step = ground_plane.directions_to_world(velocities[:, None], yaws)[:, 0]
+    step = _drawn(step, c["target_velocity"], s["adjustment_ratio"])
     new = c["root"][:, :2] + going[:, None] * step * s["dt"]
     new = push_out(new, obstacles, s["body_radius"])
     c["velocity"] = (new - c["root"][:, :2]) / s["dt"]
     c["root"][:, :2] = new
     c["root"][:, 2] = springs.wrap(yaws + going * turn_rates * s["dt"])
     return going
+
+
+def _drawn(velocities, asked, ratio):
+    """See `lmm.locomotion.steps._drawn`; of all characters, velocities and asked [N, 2]."""
+    along, square = ((velocities * asked).sum(axis=1), (asked * asked).sum(axis=1))
+    aside = velocities - (along / np.maximum(square, NOWHERE))[:, None] * asked
+    length, most = np.linalg.norm(aside, axis=1), ratio * np.linalg.norm(velocities, axis=1)
+    share = np.where(
+        (along > 0) & (square >= NOWHERE), np.minimum(length, most) / np.maximum(length, 1e-9), 0
+    )
+    return velocities - share[:, None] * aside
