@@ -211,7 +211,8 @@ def _drawn(vx, vz, asked, ratio):
 def move_root(c, s, vx, vz, turn_rate, obstacles):
     """Move the root on by a local velocity and a turn rate; who stands hardly moves. Returns that share."""
     going = max(1 - c.gait[0], 0.0) ** 0.25
-    vx, vz = _drawn(*turn(vx, vz, c.root[2]), c.target_velocity, s.adjustment_ratio)
+    vx, vz = turn(vx, vz, c.root[2])
+    vx, vz = _drawn(vx, vz, c.target_velocity, s.adjustment_ratio)
     x, z = c.root[0] + going * vx * s.dt, c.root[1] + going * vz * s.dt
     x, z = push_out(x, z, obstacles, s.body_radius)
     c.velocity[0], c.velocity[1] = (x - c.root[0]) / s.dt, (z - c.root[1]) / s.dt
