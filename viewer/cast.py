@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, Future
 from typing import Any
 
 import numpy as np
@@ -36,6 +37,7 @@ class Member:
     data : the database that its searches are explained by, or None.
     contact_roles : what its contacts are of; None for those that are told by default.
     ground : what it walks on.
+    aside : a thread that explains searches, so that nobody waits; None: who asks does.
     """
 
     def __init__(
@@ -52,7 +54,9 @@ class Member:
         self.show, self.timeline, self.run, self.data = show, timeline, run, data
         self.contact_roles, self.ground = contact_roles, ground
         self._system = system
+        self.aside: Executor | None = None
         self._explained: tuple[int, Explanation | None] = (-1, None)
+        self._asked: tuple[int, Future[Explanation | None]] | None = None
         self._schema: tuple[Any, Schema | None] = (None, None)
 
     def __repr__(self) -> str:
@@ -73,13 +77,26 @@ class Member:
         return self._schema[1]
 
     def explanation(self, time: float) -> Explanation | None:
-        """The last search until a time; None without one, or without its database (see `viewer.explain`)."""
+        """The last search until a time; None without one, or without its database (see `viewer.explain`).
+
+        Where there is a thread `aside`, the one that was found last, until this one is found.
+        """
         step = explain.step_of(self.timeline, time)
         if step is None or self.data is None:
             return None
-        if self._explained[0] != step:
-            self._explained = step, explain.at(self.timeline, time, self.data, system=self._system)
+        if self.aside is None:
+            if self._explained[0] != step:
+                self._explained = step, self._explain(time)
+        elif self._asked is None:
+            if self._explained[0] != step:
+                self._asked = step, self.aside.submit(self._explain, time)
+        elif self._asked[1].done():
+            (asked, work), self._asked = self._asked, None
+            self._explained = asked, work.result()
         return self._explained[1]
+
+    def _explain(self, time: float) -> Explanation | None:
+        return explain.at(self.timeline, time, self.data, system=self._system)
 
 
 def given(sources: Sources, *, ground: Ground | None = None) -> list[Member]:

@@ -226,6 +226,11 @@ def drawn(told: Told, theme: Theme, scale: float = 1.0) -> Image:
     return np.asarray(canvas)
 
 
+def fitted(told: Sequence[Told], size: tuple[int, int]) -> float:
+    """The scale at which panels, one below the other, fit into a size (width, height)."""
+    return min(size[0] / _WIDTH, size[1] / sum(_height(each, 1.0) for each in told))
+
+
 def _height(told: Told, scale: float) -> int:
     row, pad = (max(1, round(n * scale)) for n in (_ROW, _PAD))
     return round(1.5 * row) + row * (len(told.rows) + len(told.bars)) + 2 * pad

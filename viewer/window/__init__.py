@@ -16,7 +16,7 @@ from . import opening
 if TYPE_CHECKING:
     from .app import Window
 
-SIZE = (1280, 800)
+SIZE, SMALL = (1280, 800), (960, 640)  # pixels; small where a processor draws
 
 
 def run(
@@ -49,4 +49,5 @@ def run(
     players = Players(sources, theme=scene.DARK if dark else scene.LIGHT, **shown)
     usual = "back" if players.stick else "front" if len(players.stage.shows) > 1 else "quarter"
     seen = replace(view or View(), azimuth=np.radians(SIDES[side or usual]))
-    Window(players, size=size or SIZE, view=seen, on_frame=on_frame, clock=clock, software=software).run()
+    size = size or (SMALL if software else SIZE)
+    Window(players, size=size, view=seen, on_frame=on_frame, clock=clock, software=software).run()

@@ -28,7 +28,7 @@ SIDE, BELOW = 24, 4  # letters' heights that the tabs are wide, and the timeline
 REFRESH = 0.1  # seconds after which numbers and pictures at the side are new
 _LOOKS, _ROOM = 40, 1.5  # instants at which one looks what has to be seen; room for who is driven
 TOLD = 4.0  # seconds for which a line is told
-RATE, RATE_AT_FIRST, COMPILING = 15.0, 1.0, 6.0  # pictures a second without a card, and at first for seconds
+RATE = 15.0  # pictures a second where a processor draws
 
 
 class Window:
@@ -82,7 +82,7 @@ class Window:
         self.window.set_on_layout(self._lay_out)
         self.window.set_on_key(self.on_key)
         self.window.set_on_tick_event(self._tick)
-        self._software, self._opened, self._drawn = software, time.perf_counter(), -np.inf
+        self._software, self._drawn = software, -np.inf
         self.drawing = Drawing(self.scene, pixels=size[1] / STANDARD, smooth=not software)
         self.pad = Gamepad()
         self.held: set[str] = set()
@@ -127,13 +127,9 @@ class Window:
         return self._in_time() if drawn is None else drawn
 
     def _in_time(self) -> bool:
-        """Whether a picture may be asked for: Open3D lets them wait in line without an end where a processor
-        draws, and while shaders are compiled, so that a window would show what was long ago."""
-        if not self._software:
-            return True
+        """Whether a picture is to be drawn: a processor that draws has the motion to think of, too."""
         now = time.perf_counter()
-        rate = RATE_AT_FIRST if now - self._opened < COMPILING else RATE
-        if now - self._drawn < 1 / rate:
+        if self._software and now - self._drawn < 1 / RATE:
             return False
         self._drawn = now
         return True

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from open3d.visualization import gui, rendering
 
 from .. import shapes
-from ..camera import NEAR, Camera, focal
+from ..camera import NEAR, Camera, axes, focal
 from ..scene import (
     Arrows,
     Floats,
@@ -39,6 +39,7 @@ from ..scene import (
 Array = NDArray[np.floating]
 
 FAR = 500.0  # metres beyond which nothing is drawn
+_LETTER = 0.5  # how wide letters are on average, in parts of their height
 _LIFT = 0.003  # metres by which shadows lie on the ground, and its lines half of that
 _BEFORE = 0.08  # how near what is seen through bodies is drawn, in parts of its distance
 _RINGS, _AROUND = 24, 48  # of the floor
@@ -325,12 +326,20 @@ class _Words(_Drawn):
             self.drawing.widget.remove_3d_label(self._labels.pop())
         ink = colour(scene.theme.ink) if layer.colours is None else layer.colours
         shades = np.broadcast_to(ink, layer.positions.shape)
-        for k, (words, place, shade) in enumerate(zip(layer.texts, layer.positions, shades, strict=True)):
+        for k, (words, shade) in enumerate(zip(layer.texts, shades, strict=True)):
             if k == len(self._labels):
-                self._labels.append(self.drawing.widget.add_3d_label(place, words))
+                self._labels.append(self.drawing.widget.add_3d_label(layer.positions[k], words))
             label = self._labels[k]
-            label.text, label.position = words, place
-            label.color, label.scale = gui.Color(*map(float, shade)), layer.size / 18
+            label.text, label.scale = words, layer.size / 18
+            label.color = gui.Color(*map(float, shade))
+
+    def follow(self, eye: Camera) -> None:
+        # Open3D writes to the right of a place, and below it.
+        right, down, ahead = axes(eye)
+        focus, size = focal(eye, max(self.drawing.widget.frame.height, 1)), self.layer.size
+        for label, words, place in zip(self._labels, self.layer.texts, self.layer.positions, strict=True):
+            pixel = np.dot(place - eye.position, ahead) / focus
+            label.position = place - pixel * (_LETTER / 2 * size * len(words) * right + size * down)
 
     def clear(self) -> None:
         while self._labels:

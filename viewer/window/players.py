@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -80,7 +81,7 @@ class Players:
         self._patience: dict[str, float] = {} if patience is None else {"patience": patience, "budget": 1e9}
         usual = SHOWN + (UNEVEN if ground is not None else ())
         self.shown, self.ghost = set(usual if shown is None else shown), False
-        self.workshop = Workshop()
+        self.workshop, self._aside = Workshop(), ThreadPoolExecutor(1, thread_name_prefix="explanations")
         self.live: Live | None = None
         self.choose(list(parts))
         self.set_ghost(ghost)
@@ -93,6 +94,8 @@ class Players:
         self.session = self._session() if self.names else Replay(self.recorded, *self._span)
         self.live = Live(self.session, **self._patience)
         self.members = [*self.recorded, *map(self._member, self.names)]
+        for member in self.members:
+            member.aside = self._aside
         self.ghost = self.ghost and len(self.members) == 2
         self.dress()
 
@@ -188,6 +191,7 @@ class Players:
     def close(self) -> None:
         self.close_live()
         self.workshop.close()
+        self._aside.shutdown(wait=True, cancel_futures=True)
 
     def _session(self) -> Session:
         first = self.tunings[self.names[0]].part.driven.description

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..explain import CHOSEN, PLAYING, Candidate, Explanation
 from ..layers import colours
 from ..panel import fitting
-from ..scene import Floats, Theme, colour
+from ..scene import Theme, colour
 
 Image = NDArray[np.uint8]
 
@@ -42,34 +42,31 @@ def drawn(explanation: Explanation | None, theme: Theme, size: tuple[int, int], 
     y = row + 6
     for k, name in enumerate(explanation.features):
         words = fitting(name.replace("_", " "), font, 2 * (cells[k + 1] - cells[k]) - 4)
-        draw.text((cells[k], y + (k % 2) * row), words, font=font, fill=ink)
-    y += 2 * row + 4
+        left = min(cells[k], width - 6 - draw.textlength(words, font))
+        draw.text((left, y + (k % 3) * row), words, font=font, fill=ink)
+    y += 3 * row + 4
     for each in rows:
         if y + 2 * row + 4 > height:
             break
-        _candidate(draw, each, (y, row, width), cells, top, (font, bold), ink)
+        _candidate(draw, each, (y, row, width), cells, top, font, ink)
         y += 2 * row + 8
     return np.asarray(canvas)
 
 
 def _candidate(
-    draw: Any, each: Candidate, place: tuple, cells: NDArray, top: float, fonts: tuple, ink: tuple
+    draw: Any, each: Candidate, place: tuple, cells: NDArray, top: float, font: Any, ink: tuple
 ) -> None:
     y, row, width = place
-    font, bold = fonts
-    strong = each.verdict in (CHOSEN, PLAYING)
     shade = {CHOSEN: colours.SOUGHT, PLAYING: colours.MATCHED}.get(each.verdict)
     where = f"{each.clip}{' mirrored' if each.mirrored else ''} {each.seconds:.2f} s" if each.clip else ""
     words = f"{each.cost:7.3g}  {each.verdict}  {where}: {each.reason}"
-    fill = ink if shade is None else _bytes(shade)
-    draw.text(
-        (6, y), fitting(words, bold if strong else font, width - 12), font=bold if strong else font, fill=fill
-    )
+    fill = ink if shade is None else _bytes((shade + np.array(ink) / 255) / 2)
+    draw.text((6, y), fitting(words, font, width - 12), font=font, fill=fill)
     for k, (cost, colour_of) in enumerate(zip(each.costs, colours.graded(each.costs / top), strict=True)):
         box = (cells[k], y + row, cells[k + 1] - 2, y + 2 * row)
         draw.rectangle(box, fill=_bytes(colour_of))
         draw.text((box[0] + 2, y + row + 1), f"{cost:.2f}", font=font, fill=(0, 0, 0))
 
 
-def _bytes(shade: Floats) -> tuple[int, ...]:
+def _bytes(shade: NDArray) -> tuple[int, ...]:
     return tuple(np.round(255 * np.asarray(shade)).astype(int).tolist())

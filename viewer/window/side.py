@@ -14,17 +14,25 @@ from motion.errors import UserError
 
 from .. import export, layers, panel, views
 from ..controls import KEYS
+from ..scene import DARK
 from ..tuning import Slider
 from . import searches
 from .players import Players
 from .watch import Watch
 
+THEME = DARK  # Open3D's widgets are dark
 TABS = ("Systems", "Settings", "Show", "Search", "Plots")
 SETTINGS = {".toml": "settings (.toml)"}
 MOTION = {".bvh": "motion (.bvh)", ".glb": "motion with the body (.glb)", ".rec": "runs (.rec)"}
-SEARCH_SIZE = (440, 560)
 _ROUNDED = 1e-5  # of a slider's length
-_AFTER = "space: pause or go on   . and ,: a step on and back   M: slow   R: reset"
+_OTHERS = {
+    "space": "pause or go on",
+    "period, comma": "a step on, a step back",
+    "m": "slow motion",
+    "r": "begin again",
+    "1, 2, 3": "to the next transition, slide, cost peak",
+    "mouse": "turn the camera; its wheel: nearer",
+}
 
 
 class Side:
@@ -67,7 +75,7 @@ class Side:
         self._tuned = players.names[0] if players.names else ""
         self._settings = gui.WidgetProxy()
         self._picture, self._plot = gui.ImageWidget(), gui.ImageWidget()
-        self._plotted: tuple[int, ...] = ()
+        self._room, self._room_before = (0, 0), (0, 0)
         for name, made in zip(
             TABS, (self._systems(), self._tuning(), self._show(), self._picture, self._plot), strict=True
         ):
@@ -81,35 +89,43 @@ class Side:
         """Tell of a time, as far as it is seen."""
         self._state.text = "\n".join([*(f"{n}: {e}" for n, e in errors.items()), *self._working()])
         tab = TABS[self.widget.selected_tab_index]
-        players = self._players
         if tab == "Search":
-            scale = self._em / 15
-            size = round(SEARCH_SIZE[0] * scale), round(SEARCH_SIZE[1] * scale)
-            try:
-                found = players.first.explanation(time)
-            except UserError as error:
-                self._tell(str(error))
-                found = None
-            self._put(self._picture, searches.drawn(found, players.stage.scene.theme, size, scale))
+            self._put(self._picture, partial(self._searched, time))
         elif tab == "Plots":
-            self._put(self._plot, self.plots(time))
+            self._put(self._plot, partial(self.plots, time))
 
-    def plots(self, time: float) -> Any:
-        """The panels of all and of the window, one below the other, uint8 [H, W, 3]."""
+    def _searched(self, time: float, size: tuple[int, int]) -> Any:
+        try:
+            found = self._players.first.explanation(time)
+        except UserError as error:
+            self._tell(str(error))
+            found = None
+        return searches.drawn(found, THEME, size, self._em / 15)
+
+    def plots(self, time: float, size: tuple[int, int]) -> Any:
+        """The panels of all and of the window, one below the other, as large as there is room for in (width,
+        height), uint8 [H, W, 3]."""
         players = self._players
-        parts = [part for part in panel.PARTS if part in players.shown] or list(panel.PARTS)
+        parts = [part for part in panel.PARTS if part in players.shown]
+        parts = parts or list(panel.PARTS)[: 1 if len(players.members) > 1 else None]
         told = [self._watch.told()]
         for member in players.members:
             since = member.timeline.step_at(time - panel.HISTORY - 1)
             told.append(panel.Gauge(member, parts, since=since).at(time))
-        scale = 1.4 * self._em / 15
-        return np.concatenate([panel.drawn(each, players.stage.scene.theme, scale)[..., :3] for each in told])
+        scale = panel.fitted(told, size)
+        return np.concatenate([panel.drawn(each, THEME, scale)[..., :3] for each in told])[: size[1]]
 
-    def _put(self, widget: Any, picture: Any) -> None:
-        # A texture keeps its size: one of another size would be a new one, and the old ones are kept.
-        height = round(SEARCH_SIZE[1] * self._em / 15)
-        room = np.full((max(height, 1), picture.shape[1], 3), 240, np.uint8)
-        room[: len(picture)] = picture[:height]
+    def _put(self, widget: Any, draw: Callable[[tuple[int, int]], Any]) -> None:
+        """Draw a picture that fills a widget."""
+        size = max(widget.frame.width, 64), max(widget.frame.height, 64)
+        # A picture of another size is a new texture, and the old ones are kept: wait until the size stays.
+        if self._room != size and self._room_before != size:
+            self._room_before = size
+            return
+        self._room = size
+        picture = draw(size)
+        room = np.broadcast_to(picture[-1, -1], (size[1], size[0], 3)).copy()
+        room[: len(picture), : picture.shape[1]] = picture[:, : size[0]]
         image: Any = o3d.geometry.Image  # its stubs do not know arrays for buffers
         widget.update_image(image(room))
 
@@ -134,9 +150,12 @@ class Side:
         column.add_child(self.buttons["Export..."])
         self._state = gui.Label("")
         column.add_child(self._state)
-        lines = [f"{key.lower()}: {binding.about}" for key, binding in KEYS.items()]
-        for line in [*lines, *_AFTER.split("   ")]:
-            column.add_child(gui.Label(line))
+        keys: dict[str, str] = {}
+        for key, binding in KEYS.items():
+            keys[binding.about] = ", ".join(filter(None, [keys.get(binding.about), key.lower()]))
+        told = [f"{key}: {about}" for about, key in keys.items()]
+        told += [f"{key}: {about}" for key, about in _OTHERS.items()]
+        column.add_child(gui.Label("\n".join(told)))
         return column
 
     def _choose(self, name: str, on: bool) -> None:
@@ -205,15 +224,17 @@ class Side:
         """The sliders of a system."""
         self._tuned, self.sliders = name, {}
         tuning = self._players.tunings[name]
-        rows = gui.ScrollableVert(0.25 * self._em)
+        rows = gui.VGrid(2, 0.3 * self._em)
         for slider in tuning.sliders:
             self._row(rows, slider, getattr(tuning.settings, slider.name), tuning.set)
         for slider in tuning.weight_sliders:
             weight = tuning.weights.get(slider.name, slider.default)
-            self._row(rows, slider, weight, tuning.set_weight)
+            self._row(rows, slider, weight, tuning.set_weight, "weight of ")
         self._settings.set_widget(rows)
 
-    def _row(self, rows: Any, slider: Slider, value: Any, change: Callable[[str, Any], bool]) -> None:
+    def _row(
+        self, rows: Any, slider: Slider, value: Any, change: Callable[[str, Any], bool], what: str = ""
+    ) -> None:
         def moved(now: Any) -> None:
             try:
                 rebuilds = change(slider.name, now)
@@ -222,24 +243,25 @@ class Side:
                 return
             self._players.tune(self._tuned, rebuilds)
 
-        title = f"{slider.name.replace('_', ' ')}{f' ({slider.unit})' if slider.unit else ''}"
+        unit = f" ({slider.unit})" if slider.unit else ""
+        words = what + slider.name.replace("_", " ") + ("" if value is not None else ": told by the data")
         widget: Any
         if slider.kind == "switch":
-            widget = gui.Checkbox(title)
+            widget = gui.Checkbox("")
             widget.checked = bool(value)
             widget.set_on_checked(moved)
         elif slider.kind == "choice":
-            rows.add_child(gui.Label(title))
             widget = gui.Combobox()
             for choice in slider.choices:
                 widget.add_item(str(choice))
             widget.selected_text = str(value)
             widget.set_on_selection_changed(lambda text, _: moved(text))
         else:
-            rows.add_child(gui.Label(title if value is not None else f"{title}: told by the data"))
             widget = _number(slider, slider.low if value is None else float(value), moved)
-        widget.tooltip = slider.about
+        title = gui.Label(words + unit)
+        title.tooltip = widget.tooltip = slider.about
         self.sliders[slider.name] = widget
+        rows.add_child(title)
         rows.add_child(widget)
 
     def _reset(self) -> None:
