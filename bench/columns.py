@@ -43,12 +43,16 @@ class Column:
 
 
 GROUPS: dict[str, tuple[Column, ...]] = {
-    "memory": (Column("memory_mb", "memory", "MB", 2, "all that the system holds, 10^6 bytes"),),
+    "memory": (
+        Column("memory_mb", "memory", "MB", 2, "all that the system holds, 10^6 bytes"),
+        Column("of_lmm_memory", "memory", "× LMM", 2, "the same as a multiple of what lmm-PSD holds"),
+    ),
     "cost": (
         Column(
             "frame_us", "frame", "µs", 1, "median of a whole frame, one character, one pinned thread, warm"
         ),
         Column("frame_mean_us", "mean", "µs", 1, "mean of a whole frame, its share of the searches included"),
+        Column("of_lmm_mean", "mean", "× LMM", 2, "the mean as a multiple of lmm-PSD's"),
         Column("frame_p99_us", "p99", "µs", 0, "99th percentile of a whole frame"),
         Column(
             "frame_spread_us",
@@ -58,6 +62,15 @@ GROUPS: dict[str, tuple[Column, ...]] = {
             "how far the means of three runs over the same frames are apart",
         ),
         Column("search_us", "search", "µs", 1, "median of the projection over the frames that searched"),
+        Column(
+            "frame_bytes",
+            "allocated",
+            "B",
+            0,
+            "bytes that a frame without a search allocates, and frees again: arrays made anew, handles of "
+            "those that kernels are given, objects of Python",
+        ),
+        Column("search_bytes", "with search", "B", 0, "the same of a frame with a search"),
     ),
     "motion": (
         Column("skate_cm_s", "skate", "cm/s", 2, "mean of v (2 - 2^(h/H)), H = 2.5 cm, over frames and feet"),
@@ -147,9 +160,12 @@ GROUPS: dict[str, tuple[Column, ...]] = {
 # Those that a page shows at once; the others are behind a switch.
 TELLING = (
     "memory_mb",
+    "of_lmm_memory",
     "frame_us",
     "frame_mean_us",
+    "of_lmm_mean",
     "frame_p99_us",
+    "frame_bytes",
     "skate_cm_s",
     "sink_cm",
     "hover_cm",
@@ -166,10 +182,13 @@ COLUMNS = tuple(column for columns in GROUPS.values() for column in columns)
 # Those that the terminal shows.
 BRIEF = (
     "memory_mb",
+    "of_lmm_memory",
     "frame_us",
     "frame_mean_us",
+    "of_lmm_mean",
     "frame_p99_us",
     "search_us",
+    "frame_bytes",
     "skate_cm_s",
     "glide_share",
     "airborne_share",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 import re
@@ -24,12 +25,13 @@ from mm.database import Database
 from mm.driving import COURSES, SECONDS
 from mm.grounded import on_ground
 from motion import console, files
-from motion.errors import UserError
+from motion.errors import NotFinite, UserError
 
 from . import crowd as crowds
 from . import intervals, kept, published, timing, verdict
 from .entry import Entry, as_stored
 from .kept import Kept
+from .memory import allocations
 from .pose_error import PoseErrors, held_by_all
 from .runs import OnCourse, Run, Variant, Yardstick
 from .systems import choose, without_legs
@@ -41,7 +43,9 @@ TIMED_SECONDS, REPEATS = 5.0, 3  # of each course, and how often the clock runs 
 WORST = ("pop_cm", "path_max_cm", "stall_s")  # a row of several runs has the largest, of others the mean
 DATA = "(the clips)"
 TABLES = ("summary", "courses", "runs", "differences", "crowd", "published")
-_SURE = re.compile(r"memory_|pose_|(?!frame_mean).*_us$")  # columns that have no interval
+_SURE = re.compile(
+    r"memory_|pose_|(frame|search)_bytes|(?!frame_mean).*_us$"
+)  # columns that have no interval
 BUSY = 0.5  # of a frame's mean, by which repeats differ where it is said that the machine was busy
 IN_CROWDS = ("PSD", "constant")  # ways of models that stand for all others where crowds are measured
 
@@ -200,6 +204,7 @@ def compare(
         if one.cost is not None:
             costs.setdefault(one.row["system"], []).append(one.cost)
     summary = _summary(runs, costs, quality.of_data(database, feet, on_ground=ground is not None))
+    summary = _beside_learned(summary, chosen)
     notes += _busy(summary)
     there = set(runs["system"])
     crowded = crowds.of_entries(
@@ -270,6 +275,7 @@ class _Jobs:
         courses = [OnCourse(variant, feet, seconds, yardstick, ground) for variant in variants]
         self._jobs = [(entry, on_course) for entry in chosen for on_course in courses]
         self._absent: dict[str, str] = {}
+        self._allocated: dict[str, dict[str, float]] = {}
         self._chosen = chosen
         self._built: tuple[Any, ...] = ()
         self._system: System | None = None
@@ -329,8 +335,20 @@ class _Jobs:
         }
         cost = run.cost.microseconds() if run.cost else {}
         poses = self._errors.of(entry.decoder) if self._errors else {}
-        run.row = named | memory_mb(system) | cost | poses | run.row
+        run.row = named | memory_mb(system) | cost | self._allocations(system) | poses | run.row
         return run
+
+    def _allocations(self, system: System) -> dict[str, float]:
+        """What a frame of a system allocates; of one that breaks as far as it got to be known."""
+        if system.name not in self._allocated:
+            self._allocated[system.name] = {}
+            with contextlib.suppress(NotFinite):
+                found = allocations.of_steps(system, allocations.wander(1))
+                self._allocated[system.name] = {
+                    "frame_bytes": found.frame_bytes,
+                    "search_bytes": found.search_bytes,
+                }
+        return self._allocated[system.name]
 
 
 def _of(database: Database, ground: Heightmap | None, inexact: bool, held_out: list[str]) -> dict[str, Any]:
@@ -442,6 +460,20 @@ def memory_mb(system: System) -> dict[str, float]:
     return {"memory_mb": sum(parts.values())} | {
         f"memory_{n.replace(' ', '_')}_mb": v for n, v in parts.items()
     }
+
+
+def _beside_learned(summary: pd.DataFrame, chosen: Sequence[Entry]) -> pd.DataFrame:
+    """With of_lmm_memory and of_lmm_mean, how many times as much each takes as the first system all of whose
+    stages are learned; without them where there is none."""
+    learned = [entry.name for entry in chosen if entry.way == "PSD"]
+    rows = summary[summary["system"].isin(learned)]
+    if rows.empty:
+        return summary
+    out = summary.copy()
+    for column, share in (("memory_mb", "of_lmm_memory"), ("frame_mean_us", "of_lmm_mean")):
+        if column in out:
+            out.insert(out.columns.get_loc(column) + 1, share, out[column] / rows.iloc[0][column])
+    return out
 
 
 def _by_course(runs: pd.DataFrame) -> pd.DataFrame:

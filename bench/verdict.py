@@ -43,6 +43,11 @@ class Metric(NamedTuple):
     times: float = 1.0
     sampled: bool = True
 
+    def told(self, value: float, *, unit: bool = True) -> str:
+        """A number of the column in the metric's unit."""
+        space = "" if self.unit == "°" else " "
+        return _number(self.times * value) + f"{space}{self.unit}" * unit
+
 
 QUALITY = (
     Metric("skate_cm_s", "foot skate", "cm/s", 1.0),
@@ -188,11 +193,13 @@ class Measured:
             return []
         return [m for m, more, _, most in self._judged(system) if not more <= most]
 
-    def doubted(self, system: str) -> bool:
-        """Whether an interval of one that keeps the quality reaches beyond what is allowed."""
+    def doubted(self, system: str) -> list[tuple[Metric, float, float]]:
+        """Metrics of one that keeps the quality whose interval reaches beyond what is allowed, how far above
+        the reference it reaches, and how far it may."""
         if self.reference is None or system == self.reference:
-            return False
-        return any(more + half > most for _, more, half, most in self._judged(system))
+            return []
+        judged = self._judged(system)
+        return [(metric, more + half, most) for metric, more, half, most in judged if more + half > most]
 
     @cached_property
     def budgets(self) -> list[str]:
@@ -273,10 +280,10 @@ def _scope(measured: Measured) -> str:
     if len(measured.names) < 2:
         return f"{what}."
     if each < 2:
-        return f"{what}: of one run no difference can be tested, these numbers speak for that run alone."
+        return f"{what}: of one run no difference can be tested, so these numbers stand for that run alone."
     of = "courses" if courses > 1 else "seeds of the one course"
-    few = "; over so few it finds only large ones" if courses < FEW else ""
-    return f"{what}. Differences are those that a paired test finds over the {of}{few}."
+    few = "; with so few it finds only large ones" if courses < FEW else ""
+    return f"{what}. A difference is only called one where a paired test over the {of} finds it{few}."
 
 
 def _reference(measured: Measured) -> list[str]:
@@ -291,15 +298,16 @@ def _rule(measured: Measured) -> str:
     """What it means to keep the quality, and to fail."""
     if measured.reference is None or not measured.metrics or len(measured.names) < 2:
         return ""
-    judged = _listed([f"{m.words} ({_number(m.times * m.slack)} {m.unit})" for m in measured.metrics])
+    judged = _listed([f"{m.words} ({m.told(m.slack)})" for m in measured.metrics])
     stall, stray = (limit.most for limit in BREAKS)
     own = measured.reference
     return (
-        f"A system keeps {own}'s quality if it fails on no course and has at most {100 * SHARE:.0f} % more, "
-        f"or no more than is in brackets more, on average over the courses, of {judged}. It fails where it "
-        f"shows poses that are no numbers; where it stands still for more than {stall:g} s when asked to go, "
-        f"or is more than {stray:g} cm off the path, and that is more than twice what {own} does there; and "
-        f"where it goes less than {100 * WAY:.0f} % of the way, and of what {own} goes of it."
+        f"A system keeps {own}'s quality if it fails on no course and if, on average over the courses, it "
+        f"exceeds {own} by at most {100 * SHARE:.0f} %, or by at most the amount in brackets, in each of "
+        f"these: {judged}. It fails on a course if its poses are no numbers; if it stands still for more "
+        f"than {stall:g} s when asked to go, or is more than {stray:g} cm off the path, and that is more "
+        f"than twice what {own} does there; or if it goes less than {100 * WAY:.0f} % of the way asked for, "
+        f"and of the way that {own} goes."
     )
 
 
@@ -310,25 +318,38 @@ def _budgets(measured: Measured) -> list[str]:
     if len(measured.names) < 2:
         return []
     if not measured.keeps:
-        return [f"None {what}."]
+        return [f"No system {what}."]
     if measured.keeps == [reference]:
-        return [f"None but {reference} itself {what}, whatever the memory or time."]
+        return [f"No other system {what}, whatever memory and time it takes."]
     if not front:
         return []
     facts = _costs(measured, front[0], beside=True)
     out = [f"The smallest that {what} is {front[0]}: {facts}."]
-    if measured.doubted(front[0]):
-        out.append("It does on average; its intervals reach further.")
+    if doubts := _doubts(measured, front[0]):
+        out.append(f"That holds on average: {doubts}.")
     steps = [
-        f"with {_number(measured.of(name, MEMORY))} MB {name} is faster, {_number(measured.cost(name))} µs"
-        f"{' (it keeps the quality on average)' if measured.doubted(name) else ''}"
+        f"{name} ({_number(measured.cost(name))} µs, {_number(measured.of(name, MEMORY))} MB"
+        f"{'; on average' if measured.doubted(name) else ''})"
         for name in front[1:]
     ]
     if steps:
-        out.append(f"{_sentence('; '.join(steps))}.")
+        out.append(f"Faster, for more memory: {_listed(steps, last='then')}.")
     elif len(measured.keeps) > 1 and math.isfinite(measured.cost(front[0])):
-        out.append("More memory buys no frame that is shown to be faster.")
+        out.append("None that takes more memory is shown to be faster.")
     return out
+
+
+def _doubts(measured: Measured, name: str) -> str:
+    """By how much a system that keeps the quality may yet be worse than allowed; nothing where it is sure."""
+    worst = [
+        f"{metric.told(more)} more {metric.words} ({metric.told(most, unit=False)} is allowed)"
+        for metric, more, most in measured.doubted(name)
+    ]
+    if not worst:
+        return ""
+    unit = "course" if measured.runs["course"].nunique() > 1 else "seed"
+    count = measured.runs[unit].nunique()
+    return f"{_count(count, unit)} cannot rule out that it has up to {_listed(worst)}"
 
 
 def _beyond(measured: Measured) -> list[str]:
@@ -366,7 +387,7 @@ def _apart(measured: Measured, metric: Metric, name: str) -> str:
     row = rows[(rows["system"] == name) & (rows["metric"] == metric.column)].iloc[0]
     if not math.isfinite(row["difference"]):
         return ""
-    return f"{_signed(metric.times * row['difference'], metric.times * row['ci95'])} {metric.unit}"
+    return _signed(metric, row["difference"], row["ci95"])
 
 
 def _crowds(measured: Measured) -> list[str]:
@@ -383,14 +404,14 @@ def _crowds(measured: Measured) -> list[str]:
     others = rows.iloc[1:]
     ties = others[others["least_us"] <= first["most_us"]]
     if len(ties):
-        told += f" ({_some(list(ties['system']))} within what repeats differ by)"
+        told += f" (too close to call: {_some(list(ties['system']))})"
     if first["system"] not in measured.keeps and measured.keeps:
         keeping = rows[rows["system"].isin(measured.keeps)]
-        told += ", without that quality"
+        told += ", which does not keep the quality"
         if len(keeping):
             best = keeping.iloc[0]
-            told += f"; of those that keep it {best['system']}, {_number(best['us'])} µs"
-    return [f"{told}; the dearest is {last['system']}, {_number(last['us'])} µs."]
+            told += f"; of those that do it is {best['system']}, {_number(best['us'])} µs"
+    return [f"{told}; the most expensive is {last['system']}, {_number(last['us'])} µs."]
 
 
 def _better(measured: Measured) -> list[str]:
@@ -407,9 +428,9 @@ def _better(measured: Measured) -> list[str]:
                 ahead.append(f"{best} in {metric.words} ({_apart(measured, metric, best)})")
             else:
                 level.append(metric.words)
-    out = [f"Ahead of {reference} is {_listed(ahead)}."] * bool(ahead)
+    out = [f"Better than {reference}: {_listed(ahead)}."] * bool(ahead)
     if level:
-        out.append(f"In {_listed(level)} none is shown to be better than it.")
+        out.append(f"No system is shown to be better than {reference} in {_listed(level, last='or')}.")
     return out
 
 
@@ -417,13 +438,15 @@ def _failing(measured: Measured) -> list[str]:
     reference, out = measured.reference, list[str]()
     others = [name for name in measured.breaks if name != reference]
     if reference in measured.breaks:
-        out.append(f"{reference} itself {measured.breaks[reference]}, which others are held against.")
+        out.append(
+            f"{reference} itself {measured.breaks[reference]}; others fail there if they do far worse."
+        )
     if len(others) > NAMED:
         out.append(f"{_count(len(others), 'system')} fail: {_some(others)}.")
     elif others:
         out += [f"{name} {measured.breaks[name]}." for name in others]
     elif len(measured.names) > 1:
-        out.append("No other fails on a course." if out else "None fails on a course.")
+        out.append("No other fails on any course." if out else "None fails on any course.")
     return out
 
 
@@ -448,7 +471,7 @@ def _beside(measured: Measured, name: str) -> str:
     else:
         told += [f"more {_listed(worse)}"] * bool(worse) + [f"less {_listed(better)}"] * bool(better)
         told += [f"no significant difference in {_listed(open_)}"] * bool(open_)
-        told += [f"the same {_listed(same)}"] * bool(same)
+        told += [f"no difference at all in {_listed(same)}"] * bool(same)
     if name in measured.breaks:
         told.append(f"it {measured.breaks[name]}")
     return "; ".join(filter(None, told)) + "."
@@ -483,8 +506,8 @@ def _some(names: Sequence[str]) -> str:
     return _listed([*names[:NAMED], f"{rest} others"] if rest > 1 else list(names))
 
 
-def _listed(words: Sequence[str]) -> str:
-    return " and ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
+def _listed(words: Sequence[str], *, last: str = "and") -> str:
+    return f" {last} ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
 
 
 def _sentence(text: str) -> str:
@@ -499,10 +522,10 @@ def _number(value: float) -> str:
     return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.3g}"
 
 
-def _signed(value: float, half: float) -> str:
+def _signed(metric: Metric, value: float, half: float) -> str:
     sign = "+" if value > 0 else "−"
-    within = f" ± {_number(half)}" if half > 0 else ""
-    return f"{sign}{_number(abs(value))}{within}"
+    within = f" ± {metric.told(half)}" if half > 0 else ""
+    return f"{sign}{metric.told(abs(value), unit=not within)}{within}"
 
 
 def _course(at: tuple[str, int]) -> str:

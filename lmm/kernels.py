@@ -289,6 +289,17 @@ def advance(values, rates, fps):
 
 
 @_jit
+def follow(near, last, tags, borne):
+    """Go on from frames near [N], where they are any (not -1), to the next ones, at most to the last [T] of
+    their ranges; write which of tags [T], where those are known (not None), they bear [N]."""
+    for n in range(len(near)):
+        if near[n] >= 0:
+            near[n] = min(near[n] + 1, last[near[n]])
+            if tags is not None:
+                borne[n] = tags[near[n]]
+
+
+@_jit
 def unpack(vectors, fps, positions, rotations, velocities, angular, contacts):
     """Poses [N, J, ..] and contacts [N, C] of vectors [N, D]; see `lmm.layout.Layout.unpack`."""
     joints = positions.shape[1]

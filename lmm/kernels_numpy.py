@@ -67,6 +67,13 @@ def advance(values, rates, fps):
     values += rates / fps
 
 
+def follow(near, last, tags, borne):
+    known = near >= 0
+    np.minimum(near + 1, last[near], out=near, where=known)
+    if tags is not None:
+        np.copyto(borne, tags[near], where=known)
+
+
 def unpack(vectors, fps, positions, rotations, velocities, angular, contacts):
     """See `lmm.kernels.unpack`."""
     poses, contacts[:] = Layout(positions.shape[1], contacts.shape[1]).unpack(vectors, fps)

@@ -214,6 +214,7 @@ class LookedUpPoses:
         fps: float,
     ) -> None:
         self._gather, self._rows, self._nearest = gathering, rows, nearest
+        self._flags = np.zeros((2, 1), np.bool_)
         self.retune(settings, fps)
 
     def retune(self, settings: Settings, fps: float) -> None:
@@ -221,19 +222,25 @@ class LookedUpPoses:
         self._share = np.float32(1 - settings.continuing_bias)
 
     def decompress(self, state: LatentState, poses: Poses, contacts: NDArray[np.uint8]) -> None:
-        unknown = np.flatnonzero(state.near < 0)
-        if len(unknown):
+        if len(state) > self._flags.shape[1]:
+            self._flags = np.zeros((2, len(state)), np.bool_)
+        due, ended = self._flags[:, : len(state)]
+        if np.less(state.near, 0, out=due).any():
+            unknown = np.flatnonzero(due)
             state.near[unknown] = self._nearest.frames(state.values[unknown])
             state.since[unknown] = 0
-        self._gather.decompress(FrameState(state.near, self._rows.data), poses, contacts)
-        ended = state.near >= self._rows.data.last[state.near]
-        due = np.flatnonzero(ended | (state.since >= self._interval))
+        playing = FrameState(state.near, self._rows.data)
+        self._gather.decompress(playing, poses, contacts)
+        playing.ended(ended)
+        np.greater_equal(state.since, self._interval, out=due)
+        np.logical_or(due, ended, out=due)
         state.moved[:] = False
-        if len(due):
-            share = np.where(ended[due], np.float32(np.inf), self._share)
-            better = self._nearest.better(state.values[due], state.near[due], share)
-            state.since[due] = 0
-            state.moved[due] = better >= 0
+        if due.any():
+            who = np.flatnonzero(due)
+            share = np.where(ended[who], np.float32(np.inf), self._share)
+            better = self._nearest.better(state.values[who], state.near[who], share)
+            state.since[who] = 0
+            state.moved[who] = better >= 0
             state.near[state.moved] = better[better >= 0]
 
     def memory(self) -> dict[str, int]:

@@ -198,7 +198,8 @@ class StepperStepping:
         self._width, self._fps = model.F, model.description.fps
         self._middle = np.array(model.stepper.input_mean)  # a view would hold the model's file
         self._network = Evaluator(model.stepper, products=products, compiled=compiled)
-        self._advance = (kernels if compiled else kernels_numpy).advance
+        twin = kernels if compiled else kernels_numpy
+        self._advance, self._follow = twin.advance, twin.follow
         self._last, self._tags = last, tags
 
     def start(self, count: int) -> LatentState:
@@ -210,10 +211,7 @@ class StepperStepping:
         state.age += 1
         if self._last is not None:
             state.since += 1
-            known = state.near >= 0
-            np.minimum(state.near + 1, self._last[state.near], out=state.near, where=known)
-            if self._tags is not None:
-                np.copyto(state.asked, self._tags[state.near], where=known)
+            self._follow(state.near, self._last, self._tags, state.asked)
 
     def memory(self) -> dict[str, int]:
         found = {"stepper": self._network.nbytes, "workspace": self._network.workspace}

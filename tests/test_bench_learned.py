@@ -96,8 +96,25 @@ def test_poses_are_held_against_motion_matching_and_the_data(rows, compared):
     assert lines[1]["near mm cm"] == 0 and "real pose cm" in lines[0]
 
 
+def test_costs_are_told_beside_those_of_all_networks(rows, compared):
+    own = rows.loc["lmm-PSD"]
+    for share, of in (("of_lmm_memory", "memory_mb"), ("of_lmm_mean", "frame_mean_us")):
+        assert own[share] == 1 and np.isnan(rows[share].iloc[0])  # the clips cost nothing
+        assert rows[share]["mm-exact"] == pytest.approx(rows[of]["mm-exact"] / own[of])
+    told = report.brief(compared.summary)[1]
+    assert told["memory × LMM"] == round(rows["of_lmm_memory"]["mm-exact"], 2)
+
+
+def test_it_is_told_what_a_frame_allocates(rows):
+    """A frame of nobody who searches no arrays of its own."""
+    assert (rows["frame_bytes"].iloc[1:] < 2500).all() and (rows["frame_bytes"].iloc[1:] > 0).all()
+    assert (rows["search_bytes"].iloc[1:] > rows["frame_bytes"].iloc[1:]).all()
+    assert "frame_bytes_ci95" not in rows
+
+
 def test_without_models_nothing_is_held_against_anything(database):
     plain = compare(database, courses=["still"], systems=["mm-brute"], seconds=0.2, timed_seconds=0.1)
+    assert "of_lmm_memory" not in plain.summary
     assert "real_cm" not in plain.summary and "real pose cm" not in report.brief(plain.summary)[0]
     assert plain.models == {}
 

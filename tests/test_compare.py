@@ -165,7 +165,7 @@ def test_a_comparison_repeats_itself(database, matched):
     again = compare(
         database, courses=["circle", "start-stop"], systems=["mm-brute*"], seconds=3, timed_seconds=0.1
     )
-    times = [c for c in matched.courses.columns if c.endswith("_us")]
+    times = [c for c in matched.courses.columns if c.endswith(("_us", "_bytes"))]
     pd.testing.assert_frame_equal(matched.courses.drop(columns=times), again.courses.drop(columns=times))
 
 
@@ -257,7 +257,7 @@ def test_level_ground_leaves_every_number_as_it_is(database, matched):
         plain, put = getattr(matched, table), getattr(found, table)
         more = {"sink_cm", "sink_p99_cm", "hover_cm", "memory_ground_mb", "ground_us"}
         assert {c.removesuffix("_ci95") for c in set(put) - set(plain)} == more
-        same = [c for c in plain if "_us" not in c and c != "memory_mb"]
+        same = [c for c in plain if "_us" not in c and "_bytes" not in c and c != "memory_mb"]
         pd.testing.assert_frame_equal(put[same], plain[same])
     assert all(trace.same(other) for trace, other in zip(matched.traces, found.traces, strict=True))
 

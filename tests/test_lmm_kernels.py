@@ -377,6 +377,16 @@ def test_rows_of_frames_are_their_features_and_latents():
     np.testing.assert_array_equal(found[0][2], [*features[8], *latents[8]])
 
 
+def test_frames_near_a_state_go_on_with_it():
+    last, tags = np.array([2, 2, 2, 4, 4], np.int32), np.array([1, 2, 4, 8, 16], np.uint32)
+    for module in (kernels, kernels_numpy):
+        near, borne = np.array([0, -1, 2, 3], np.int32), np.full(4, 7, np.uint32)
+        module.follow(near, last, tags, borne)
+        assert near.tolist() == [1, -1, 2, 4] and borne.tolist() == [2, 7, 4, 16]
+        module.follow(near, last, None, borne)
+        assert near.tolist() == [2, -1, 2, 4] and borne.tolist() == [2, 7, 4, 16]
+
+
 def test_a_state_advances_by_a_frame():
     rng = np.random.default_rng(0)
     values, rates = rng.normal(size=(2, 5, 7)).astype(np.float32)

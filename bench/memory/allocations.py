@@ -78,9 +78,10 @@ def of_steps(system: Any, commands: Sequence[Any]) -> Allocations:
 
 def _searched(system: Any) -> bool:
     """Whether anyone searched in the last step."""
-    characters = getattr(system, "characters", None)
-    fields: tuple[str, ...] = () if characters is None else characters.dtype.names
-    return "searching" in fields and bool(system.characters["searching"].any())
+    characters = getattr(getattr(system, "controller", system), "characters", None)
+    if characters is None or "searching" not in characters.dtype.names:
+        return False
+    return bool(characters["searching"].any())
 
 
 @contextmanager
