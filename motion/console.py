@@ -239,11 +239,14 @@ def _print_columns(
 
 
 def format_cell(value: Any) -> str:
-    """Text of a table cell: floats with four significant digits, None as a dash."""
+    """Text of a table cell: floats with four significant digits, thousands apart from 10,000 on, None as a
+    dash."""
     if value is None:
         return "-"
     if isinstance(value, float):
         return f"{value:.4g}" if abs(value) < 1e4 else f"{value:,.0f}"
+    if isinstance(value, int) and abs(value) >= 1e4:
+        return f"{value:,}"
     return str(value)
 
 
