@@ -18,7 +18,7 @@ from mm.database import Database
 from mm.driving import COURSES, SECONDS
 from motion import console
 
-from . import decompressor, driving, projector, stepper
+from . import blame, decompressor, driving, projector, stepper
 
 SEED = 20_000
 
@@ -81,6 +81,7 @@ def evaluate(
         of the training and the held-out clips.
     courses, systems : rows of the model and of motion matching, feet held and not (`driving.Judge`).
     mixtures : a row for each mixture of learned and classical stages, over fewer courses.
+    blame : sentences on which stage makes the learned system worse than motion matching (`blame.told`).
     ground : facts of what is walked on there, where that is given; all else is of level ground.
     endurance : `driving.endure`.
     targets : what is good enough, what was found, and whether it is met.
@@ -164,7 +165,12 @@ def _driven(
     ):
         (row,) = driving.summary([judge.judge(system, course) for course in judge.courses])
         mixtures.append(row | {"memory_mb": driving.memory_mb(system)})
-    return {"courses": rows, "systems": driving.summary(rows), "mixtures": mixtures}
+    return {
+        "courses": rows,
+        "systems": driving.summary(rows),
+        "mixtures": mixtures,
+        "blame": blame.told(mixtures),
+    }
 
 
 def targets(found: dict[str, Any]) -> list[dict[str, Any]]:

@@ -69,6 +69,8 @@ def show(found: dict[str, Any], name: str) -> None:
     for title, rows in tables.items():
         console.print_table(rows, title=title)
         print()
+    for sentence in found.get("blame", []):
+        print(sentence)
     if found["ground"]:
         print(f"courses lie on {terrain.told(found['ground'])}; all else is on level ground")
     print(lasting(found["endurance"]))
