@@ -1,4 +1,4 @@
-"""Which learned stage is to blame for what, by the rows of the mixtures: one for each set of learned stages."""
+"""Which learned stage is to blame for what, by the rows of the mixtures: one for each set of stages."""
 
 from __future__ import annotations
 
