@@ -270,8 +270,9 @@ def name_points(
 ) -> None:
     """Write the names of the best and of the named points of a figure that was laid out.
 
-    Those of the best stand to the lower left, where nothing else is, others to the right; they are moved down
-    where they would lie on each other.
+    Those of the best stand to the lower left, where nothing else is, others, and those that have no room
+    there, above to the right, since many are as good as the one beside them; they are moved where they would
+    lie on each other.
     """
     places = axes.transAxes.inverted().transform(axes.transData.transform(np.column_stack([x, y])))
     taken: list[tuple[float, float, float]] = []
@@ -279,10 +280,11 @@ def name_points(
         if not (best[i] or named[i]):
             continue
         width, (px, at) = LETTER * len(names[i]), places[i]
-        left = px - GAP - width if best[i] and px - GAP - width > 0 else px + GAP
-        at -= ROOM / 2 * best[i]
+        below = best[i] and px - GAP - width > 0
+        left = px - GAP - width if below else px
+        at += ROOM * (-0.5 if below else 0.8)
         while any(abs(at - y_) < ROOM and left < end and start < left + width for start, end, y_ in taken):
-            at -= ROOM / 4
+            at += ROOM / (-4 if below else 4)
         taken.append((left, left + width, at))
         far = abs(at - places[i, 1]) > ROOM
         axes.annotate(

@@ -17,7 +17,7 @@ from click.testing import CliRunner
 
 from bench import systems
 from bench.cli import main
-from bench.memory import allocations, measure, page, pareto, published, resident, stored
+from bench.memory import allocations, measure, page, pareto, plots, published, resident, stored
 from lmm.model import Model
 from mm.build import build
 from mm.codecs import compressed
@@ -234,6 +234,26 @@ def test_the_report_is_a_table_a_plot_and_a_page(report, folder):
     assert "O3DE" in text and "lmm-PSD-int8" in text
     facts = json.loads((out / "memory.json").read_text())
     assert facts["database"]["held_out"] == ["run"] and set(facts["models"]) == {"lmm", "pfnn"}
+
+
+def test_models_of_several_sizes_stand_in_one_picture(folder, database, tmp_path):
+    """Each a line of the formats of its weights, and named; the smaller one is worse."""
+    linear_models.fitted(database, latents=6).save(tmp_path / "narrow.lmm")
+    models = systems.load_models([str(folder / "walker.lmm"), str(tmp_path / "narrow.lmm")])
+    found = measure.measure(
+        database, str(folder / "walker.mmdb"), models=models, peaks=False, counts=(1,),
+        systems=["mm-exact", *(f"lmm-*-PSD{ending}" for ending in ("", "-fp16", "-int8"))],
+    ).systems  # fmt: skip
+    rows = found.set_index("system")
+    assert {"lmm-walker-PSD", "lmm-narrow-PSD", "lmm-narrow-PSD-int8"} < set(rows.index)
+    wide, narrow = rows.loc["lmm-walker-PSD"], rows.loc["lmm-narrow-PSD"]
+    assert (narrow["source"], narrow["way"]) == ("lmm-narrow", "PSD")
+    assert narrow["memory_mb"] < wide["memory_mb"] and narrow["pose_cm"] > 2 * wide["pose_cm"]
+    axes = plots.against_error(found).axes[0]
+    assert {"lmm-walker-PSD", "lmm-narrow-PSD"} < {text.get_text() for text in axes.texts}
+    drawn = [sorted(line.get_xdata()) for line in axes.lines]
+    for own in ("lmm-walker", "lmm-narrow"):
+        assert sorted(found[found["source"] == own]["memory_mb"]) in drawn
 
 
 def test_the_smallest_within_each_error_is_named():

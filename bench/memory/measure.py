@@ -79,6 +79,7 @@ def measure(
     peaks : whether resident memory is measured, in a process a system.
 
     Columns, MB of 10^6 bytes:
+        kind, about, source, way : what a system is, what it is made of, and how that runs (`Entry`).
         stored_mb, stored_PART_mb : the files that it is read from.
         memory_mb, memory_PART_mb : what it holds of one character (`mm.control.System.memory`).
         peak_mb, resident_mb : see `bench.memory.resident`.
@@ -103,6 +104,7 @@ def measure(
                 notes.append(f"{entry.name} is left out: {why}")
                 continue
             row: dict[str, Any] = {"system": entry.name, "kind": _kind(entry, models), "about": entry.about}
+            row |= {"source": entry.source, "way": entry.way}
             subject = made_of.subject(entry)
             row |= stored.sizes(subject) | memory_mb(system)
             del system
@@ -127,7 +129,7 @@ def measure(
     if peaks and not resident.known_here():
         notes.append("resident memory is not known: this machine has no /proc/self/clear_refs")
     if not held:
-        notes.append("errors are of all clips: no model is given that was trained without some of them")
+        notes.append("errors are of all clips where no others stand: no clip was held out of all the models")
     return Memory(
         with_fronts(table),
         pd.DataFrame(published.features(database)),

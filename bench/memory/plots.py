@@ -19,8 +19,9 @@ PANELS = (("training", "pose_cm", "front"), ("held-out", "pose_held_cm", "front_
 def against_error(systems: pd.DataFrame) -> Any:
     """What systems hold beside the error of their poses, a panel a part of the data.
 
-    A line joins the Pareto front. Poses that are as they are in the data stand at the bottom. Hollow marks
-    are errors after one step of a network of locomotion, in which no front is looked for.
+    A line joins the Pareto front, a thin one the formats in which the weights of one network are held.
+    Poses that are as they are in the data stand at the bottom. Hollow marks are errors after one step of a
+    network of locomotion, in which no front is looked for.
     """
     panels = [panel for panel in PANELS if panel[2] in systems]
     picture, axes = figure(5.6 * len(panels), 5.2, len(panels))
@@ -46,6 +47,9 @@ def against_error(systems: pd.DataFrame) -> Any:
                         label=title,
                     )  # fmt: skip
                     mark(dot, name, say=f"{row['memory_mb']:.3g} MB\n{row[column]:.3g} cm, {part} clips")
+        for curve in _formats(rows):
+            held = curve["memory_mb"], np.maximum(curve[column], floor)
+            one.plot(*held, color=shades[curve["system"].iloc[0]], linewidth=0.8, alpha=0.6, zorder=1)
         one.set_xlabel("MB (10^6 bytes) held in all, of one character")
         one.set_ylabel(f"joint error, {part} clips, cm")
         one.grid(True, which="major")
@@ -74,9 +78,19 @@ def _short(name: str) -> str:
     return name.replace("features-", "").replace("quantised", "q").replace("keyframes", "key")
 
 
+def _formats(rows: pd.DataFrame) -> list[pd.DataFrame]:
+    """Of each network that runs in one way the formats of its weights, by memory."""
+    if "way" not in rows:
+        return []
+    of_networks = rows[rows["way"].fillna("") != ""].sort_values("memory_mb")
+    return [own for _, own in of_networks.groupby(["source", "way"], sort=False) if len(own) > 1]
+
+
 def _named(rows: pd.DataFrame) -> NDArray[np.bool_]:
-    """Which systems bear their names besides those on the front: one of each kind and way."""
+    """Which systems bear their names besides those on the front: one of each kind and way, or of each model
+    where there are several of a kind."""
     names = rows["system"].str.removesuffix("-free")
-    plain = names.isin(["mm-exact", "mm-exact-float16"]) | names.str.endswith("-D")
+    alone = "-D" if names.str.endswith("-D").sum() == 1 else "-PSD"
+    plain = names.isin(["mm-exact", "mm-exact-float16"]) | names.str.endswith(alone)
     networks = (rows["error"] == "one step") & ~names.str.endswith(tuple(filter(None, ENDINGS.values())))
     return (plain | networks).to_numpy()
