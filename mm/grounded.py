@@ -47,6 +47,11 @@ class Grounded(Wrapped):
     def reset(self, positions: NDArray, yaws: NDArray) -> None:
         super().reset(positions, yaws)
         self._feet.reset()
+        record = super().record()
+        self._shown[:] = Poses.empty(self.count, len(self.skeleton))
+        self._shown.positions[:], self._shown.rotations[:] = record["positions"], record["rotations"]
+        self._feet.apply(self.contacts(), self._shown.positions, self._shown.rotations)
+        self._feet.reset()
 
     def step(self, command: Command) -> Poses:
         poses = self.controller.step(command)

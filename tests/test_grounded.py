@@ -82,6 +82,15 @@ def test_a_run_over_hills_stands_on_them(database):
     assert system.memory()["ground"] > 0
 
 
+def test_who_is_put_somewhere_stands_there_before_the_first_step(database):
+    put, plain = Grounded(Controller(database), HILLS), Controller(database)
+    for system in (put, plain):
+        system.reset([[3, 1]], [2.0])
+    root, joints = (put.record()["positions"][0, where] for where in (0, slice(1, None)))
+    assert abs(root[1] - float(HILLS(np.array(3.0), np.array(1.0)))) < 0.05
+    np.testing.assert_allclose(joints[1:], plain.record()["positions"][0, 2:], atol=1e-6)
+
+
 def test_a_network_that_sees_the_ground_keeps_its_height():
     """Its poses are made for the ground: a step up that it was told of is not taken twice."""
 

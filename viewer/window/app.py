@@ -25,8 +25,10 @@ from .side import Side
 from .watch import Watch
 
 SIDE, BELOW = 24, 4  # letters' heights that the tabs are wide, and the timeline is high
+BUTTONS = 41  # likewise, that the timeline's buttons take
 REFRESH = 0.1  # seconds after which numbers and pictures at the side are new
 _LOOKS, _ROOM = 40, 1.5  # instants at which one looks what has to be seen; room for who is driven
+AHEAD = 6.0  # seconds of several recordings that are seen from where one looks at first
 TOLD = 4.0  # seconds for which a line is told
 RATE = 15.0  # pictures a second where a processor draws
 
@@ -172,10 +174,10 @@ class Window:
     def _begin(self) -> None:
         """Look at those who play now."""
         session, driven = self.players.session, bool(self.players.names)
-        span = (
-            session.time if driven else session.begin,
-            session.time,
-        )  # who is driven goes nobody knows where
+        begin = session.time if driven else session.begin
+        # Who is driven goes nobody knows where; several clips may go apart, so that none would be seen well.
+        seconds = 0.0 if driven else AHEAD if len(self.players.members) > 1 else np.inf
+        span = begin, min(session.time, begin + seconds)
         frame, view = self.window.content_rect, self._view
         seen = views.first_camera(
             self.players.stage, np.linspace(*span, _LOOKS).tolist(), (frame.width, frame.height), view
@@ -233,10 +235,11 @@ class Window:
     def _lay_out(self, _: Any) -> None:
         room, em = self.window.content_rect, self.window.theme.font_size
         wide, high = min(SIDE * em, room.width // 2), BELOW * em
-        left = room.width - wide
-        self.scene.frame = gui.Rect(room.x, room.y, left, room.height - high)
-        self.bar.widget.frame = gui.Rect(room.x, room.get_bottom() - high, left, high)
-        self.side.widget.frame = gui.Rect(room.x + left, room.y, wide, room.height)
+        left, top = room.width - wide, room.height - high
+        beneath = left < BUTTONS * em  # the timeline lies beneath the tabs, too
+        self.scene.frame = gui.Rect(room.x, room.y, left, top)
+        self.bar.widget.frame = gui.Rect(room.x, room.y + top, room.width if beneath else left, high)
+        self.side.widget.frame = gui.Rect(room.x + left, room.y, wide, top if beneath else room.height)
         self._line.frame = gui.Rect(room.x + em, room.y + em // 2, left - 2 * em, 2 * em)
 
 

@@ -39,6 +39,8 @@ from ..scene import (
 Array = NDArray[np.floating]
 
 FAR = 500.0  # metres beyond which nothing is drawn
+_SUN, _SKY = 50_000, 34_000  # lights' strengths, by which bodies look as in the films of `viewer.raster`
+_UNEVEN = 0.75  # of its colours' light that uneven ground gives back: it faces the sun, and has no shadows
 _LETTER = 0.5  # how wide letters are on average, in parts of their height
 _LIFT = 0.003  # metres by which shadows lie on the ground, and its lines half of that
 _BEFORE = 0.08  # how near what is seen through bodies is drawn, in parts of its distance
@@ -97,10 +99,10 @@ class Drawing:
         self._scene.set_background(np.append(colour(scene.theme.horizon) ** (1 / 2.2), 1.0))
         world, towards = self._scene.scene, np.array(scene.sun.direction)
         world.set_sun_light(
-            (-towards / np.linalg.norm(towards)).astype(np.float32), np.ones(3, np.float32), 62_000
+            (-towards / np.linalg.norm(towards)).astype(np.float32), np.ones(3, np.float32), _SUN
         )
         world.enable_sun_light(True)
-        world.set_indirect_light_intensity(42_000)
+        world.set_indirect_light_intensity(_SKY)
 
     def _ground(self, scene: Scene) -> None:
         """The floor fades into the background around its middle; its lines stay where they are."""
@@ -241,7 +243,8 @@ class _Whole(_Drawn):
             mesh, opacity = layer.mesh, layer.opacity
         if not len(mesh.triangles) or not np.isfinite(mesh.vertices).all():
             return
-        self.drawing.add(self.name, mesh_of(mesh), solid(opacity))
+        uneven = isinstance(layer, Surface) and layer.shaded
+        self.drawing.add(self.name, mesh_of(mesh), solid(opacity, _UNEVEN if uneven else 1.0))
         if casts(layer, scene):
             shade = f"{self.name} shadow"
             self.drawing.add(shade, mesh_of(mesh, shade_of(scene)), material("defaultUnlit"))
@@ -365,10 +368,10 @@ def material(shader: str, **values: Any) -> Any:
     return made
 
 
-def solid(opacity: float) -> Any:
-    """The material of lit bodies."""
+def solid(opacity: float, dim: float = 1.0) -> Any:
+    """The material of lit bodies; dim darkens their colours."""
     shader = "defaultLit" if opacity >= 1 else "defaultLitTransparency"
-    return material(shader, base_color=[1.0, 1.0, 1.0, opacity], base_roughness=0.75, base_reflectance=0.25)
+    return material(shader, base_color=[dim, dim, dim, opacity], base_roughness=0.75, base_reflectance=0.25)
 
 
 def mesh_of(mesh: Mesh, shade: Floats | None = None) -> Any:

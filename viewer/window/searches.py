@@ -15,6 +15,7 @@ from ..scene import Theme, colour
 Image = NDArray[np.uint8]
 
 _ROW, _LETTERS = 15, 11  # pixels
+NONE = "no search that could be explained: of a run that takes\nthe database that it was recorded with"
 
 
 def drawn(explanation: Explanation | None, theme: Theme, size: tuple[int, int], scale: float = 1.0) -> Image:
@@ -32,7 +33,7 @@ def drawn(explanation: Explanation | None, theme: Theme, size: tuple[int, int], 
     canvas = pillow.new("RGB", size, _bytes(colour(theme.floor)))
     draw, ink = ImageDraw.Draw(canvas), _bytes(colour(theme.ink))
     if explanation is None:
-        draw.text((6, 6), "no search that could be explained", font=font, fill=ink)
+        draw.text((6, 6), NONE, font=font, fill=ink)
         return np.asarray(canvas)
     rows = [*explanation.candidates, *([explanation.answer] if explanation.answer else [])]
     top = max((float(each.costs.max()) for each in rows), default=0.0) or 1.0
