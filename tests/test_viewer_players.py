@@ -97,7 +97,7 @@ def test_who_is_shown_and_who_is_driven(
         ),
         (["walk.mmdb"], {"start": 1.0}, "begins now, and goes on; leave --from and --to out"),
         (["lap.rec"], {"start": 9.0}, "nothing from 9 to 0.48.* s; the longest lasts 0.48 s"),
-        (["walk.mmdb"], {"ghost": True}, "a ghost among 1; choose two"),
+        (["walk.mmdb"], {"ghost": True}, "a ghost needs two characters, here is one; choose two"),
     ],
 )
 def test_what_does_not_apply_is_a_line(names: list[str], options: dict[str, Any], says: str, playing) -> None:

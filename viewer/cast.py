@@ -106,6 +106,13 @@ def given(sources: Sources, *, ground: Ground | None = None) -> list[Member]:
     return found + [of_run(name, run, sources.data_of(run), **known) for name, run in sources.runs.items()]
 
 
+def check_ghost(count: int) -> None:
+    """A UserError unless so many characters are one and its ghost."""
+    if count != 2:
+        here = "is one" if count == 1 else f"are {count}"
+        raise UserError(f"a ghost needs two characters, here {here}", remedy="choose two: --systems mm,lmm")
+
+
 def chosen(
     sources: Sources,
     systems: Sequence[str] | None = None,

@@ -63,18 +63,19 @@ class Names(click.ParamType):
     "--systems",
     type=Names(),
     metavar="NAMES",
-    help="Who is driven, as mm,lmm,lmm-D: letters name the stages that networks do.  [default: all]",
+    help="Systems to drive, as mm,lmm,lmm-D; letters name the stages that networks do.  [default: all]",
 )
 @click.option(
     "--course",
     metavar="NAME|FILE",
-    help=f"What they are asked: see `python -m mm courses`; a recorded run is one too.  [default: {COURSE}]",
+    help="Course to drive them over (`python -m mm courses` lists them), or a recorded run.  "
+    f"[default: {COURSE}]",
 )
 @click.option(
     "--settings",
     multiple=True,
     metavar="[NAME=]FILE",
-    help="TOML file with a controller's settings, for all or for that system.  [repeatable]",
+    help="TOML file with a controller's settings; NAME= gives them to that system only.  [repeatable]",
 )
 @on_heights
 @click.option(
@@ -87,36 +88,46 @@ class Names(click.ParamType):
     "--export",
     type=click.Path(),
     metavar="OUT",
-    help="Motion shown, to write: .bvh, .glb (with the body), .rec; of several OUT-NAME each, of a run's "
-    "characters OUT-NAME-NUMBER.",
+    help="Write the motion shown: .bvh, .glb (with the body), .rec; several as OUT-NAME.",
 )
 @click.option(
     "--filmstrip",
     type=click.IntRange(2, 60),
     metavar="N",
-    help="N poses at even times side by side, in one .png.",
+    help="Draw N poses at even times side by side, in one .png.",
 )
 @click.option(
     "--show",
     type=Names(),
     metavar="NAMES",
-    help="What is drawn about them, or none: see below.  [default: of runs trajectory,panel]",
+    help="What to draw about the characters, see below; none for nothing.  "
+    "[default: for runs trajectory,panel]",
 )
 @click.option(
     "--ghost",
     is_flag=True,
-    help="The second stands clear in the first one's place, joints' distances coloured.",
+    help="Draw the second character transparent in the place of the first, coloured by how far joints are "
+    "apart.",
 )
 @click.option(
     "--apart/--together",
     default=None,
-    help="A picture each, or all in one.  [default: apart where they are driven or on heights]",
+    help="A picture for each, or all in one.  [default: apart where they are driven or on heights]",
 )
-@click.option("--size", type=Size(), metavar="WxH", help="Pixels.  [default: 1280x720; of a strip 400 high]")
 @click.option(
-    "--from", "start", type=TIME, default=0.0, metavar="S", help="Begin there; where a .png is taken."
+    "--size", type=Size(), metavar="WxH", help="Size in pixels.  [default: 1280x720; a strip is 400 high]"
 )
-@click.option("--to", "stop", type=TIME, metavar="S", help="Stop there.  [default: the longest one's end]")
+@click.option(
+    "--from",
+    "start",
+    type=TIME,
+    default=0.0,
+    metavar="S",
+    help="Begin at this time; for a .png the time of the picture.",
+)
+@click.option(
+    "--to", "stop", type=TIME, metavar="S", help="Stop at this time.  [default: end of the longest]"
+)
 @click.option("--fps", type=console.Number(1, 120), help="Pictures a second.  [default: 30; .gif: 25]")
 @click.option(
     "--camera",
@@ -128,16 +139,29 @@ class Names(click.ParamType):
 @click.option(
     "--view",
     type=click.Choice(VIEWS),
-    help="The side seen at the start.  [default: quarter; of several together front]",
+    help="Side seen at the start.  [default: quarter; front for several together]",
 )
 @click.option(
-    "--elevation", type=console.Number(-10, 89), default=12.0, show_default=True, help="Degrees above level."
+    "--elevation",
+    type=console.Number(-10, 89),
+    default=12.0,
+    show_default=True,
+    help="Height of the camera in degrees above level.",
 )
 @click.option(
-    "--distance", type=console.SIZE, metavar="M", help="Metres to the camera.  [default: shows all]"
+    "--distance",
+    type=console.SIZE,
+    metavar="M",
+    help="Distance of the camera in metres.  [default: far enough to show all]",
 )
-@click.option("--turn", type=console.SECONDS, default=8.0, show_default=True, help="Seconds of one orbit.")
-@click.option("--no-skin", is_flag=True, help="Made bodies also where a glTF file has its own.")
+@click.option(
+    "--turn",
+    type=console.SECONDS,
+    default=8.0,
+    show_default=True,
+    help="Seconds that one orbit of --camera orbit takes.",
+)
+@click.option("--no-skin", is_flag=True, help="Draw made bodies even where a glTF file has its own.")
 @click.option("--dark", is_flag=True, help="Dark background.")
 @click.option(
     "--names/--no-names",
@@ -159,10 +183,10 @@ def main(
     """Look at motion: clips (BVH, AMC, NPZ, glTF), recorded runs (`python -m mm run --record`), and
     characters that databases and models drive.
 
-    Several are shown side by side, each beginning at its own place. The left of a body is red, the right
-    blue. Without anything the built-in data and the networks that ship are shown. Databases and models that
-    are given with a run explain it; with --systems or --course they drive beside it. With --offscreen neither
-    a window nor a graphics card is needed.
+    Several are shown side by side. The left of a body is red, the right blue. Without arguments the built-in
+    data and the networks that ship are shown. A database or model that is given with a run explains the run's
+    searches; with --systems or --course it drives a character beside it. --offscreen needs neither a window
+    nor a graphics card.
 
     In a window characters are driven by keys or a gamepad, or over a --course. --from and --to are of what is
     recorded, --show panel opens the plots; --filmstrip, --fps and --apart are not for it.
@@ -189,12 +213,12 @@ def main(
     ground = heightmap(heights, heights_spacing)
     found = things.read(sources, skinned=not no_skin)
     if not sources:
-        found.databases[things.BUILT_IN] = things.built_in()
+        found.databases[things.BUILT_IN] = things.built_in(progress=console.progress)
     tuned = {_name_of(setting): _file_of(setting) for setting in settings}
     if not outputs:
         _window(found, systems=systems, course=course, settings=tuned, ground=ground, **seen)
         return
-    members = _members(found, systems, course, tuned, ground, _until(seen, outputs))
+    members = _members(found, systems, course, tuned, ground, _until(seen, outputs), ghost=seen["ghost"])
     if offscreen is not None:
         _draw(members, offscreen, **seen)
     if export is not None:
@@ -216,6 +240,9 @@ def _check(
             if seen[name]:
                 remedy = "leave it out, or draw without one: --offscreen OUT"
                 raise UserError(f"--{name} is nothing for a window", remedy=remedy)
+    start, stop = seen["start"], seen["stop"]
+    if stop is not None and stop < start:
+        raise UserError(f"--to {stop:g} is before --from {start:g}", remedy="exchange them")
     form = film.suffix(offscreen) if offscreen else None
     if seen["filmstrip"] and form != ".png":
         raise UserError("a film strip is one picture", path=offscreen, remedy="name it *.png")
@@ -244,6 +271,8 @@ def _members(
     settings: dict[str, str],
     ground: Heightmap | None,
     seconds: float | None,
+    *,
+    ghost: bool,
 ) -> list[Member]:
     """Who is shown: clips and runs, then who is driven."""
     from mm import courses
@@ -252,6 +281,8 @@ def _members(
 
     parts = cast.chosen(found, systems, course=course, settings=settings, ground=ground)
     members = cast.given(found, ground=ground)
+    if ghost:
+        cast.check_ghost(len(members) + len(parts))
     if not parts:
         return members
     way = courses.load(course or COURSE)
@@ -285,8 +316,6 @@ def _draw(
     from .panel import PARTS
 
     form, several = film.suffix(offscreen), len(members) > 1
-    if ghost and len(members) != 2:
-        raise UserError(f"a ghost among {len(members)}", remedy="give two, or name two --systems")
     runs = [each for each in members if each.run is not None]
     shown = [name for name in (USUAL if show is None and runs else show or ()) if name != NOTHING]
     if filmstrip and show is None:

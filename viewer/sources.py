@@ -171,11 +171,13 @@ def read(paths: Sequence[str | os.PathLike[str]], *, skinned: bool = True) -> So
     return found
 
 
-def built_in(*, folder: str | os.PathLike[str] | None = None) -> Database:
+def built_in(
+    *, folder: str | os.PathLike[str] | None = None, progress: Callable[..., Iterator[Any]] = silent
+) -> Database:
     """The database of the built-in data, which the networks that ship were trained from.
 
     It is made once, in ten seconds or so, and then kept in a folder of the user's cache ($XDG_CACHE_HOME, or
-    ~/.cache), where that can be written.
+    ~/.cache), where that can be written. progress wraps the loops, as `motion.console.progress` does.
     """
     cache = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     kept = Path(folder or Path(cache) / "motion-matching", f"{BUILT_IN}.mmdb")
@@ -187,9 +189,10 @@ def built_in(*, folder: str | os.PathLike[str] | None = None) -> Database:
     except UserError:  # absent, or of another version
         pass
     with tempfile.TemporaryDirectory() as scratch:
-        for _ in dancecard_clips.write(Path(scratch), dancecard.dances()):
+        clips = dancecard_clips.write(Path(scratch), dancecard.dances())
+        for _ in progress(clips, label="making the built-in data, once", unit="clips"):
             pass
-        database = build(scratch, tags=Path(scratch, "tags.csv"), jobs=1, progress=silent)
+        database = build(scratch, tags=Path(scratch, "tags.csv"), jobs=1, progress=progress)
     try:
         kept.parent.mkdir(parents=True, exist_ok=True)
         database.save(kept)

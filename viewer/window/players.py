@@ -102,8 +102,8 @@ class Players:
     def set_ghost(self, on: bool) -> None:
         """Put the second of two into the first one's place, or beside it; a UserError where there are not
         two."""
-        if on and len(self.members) != 2:
-            raise UserError(f"a ghost among {len(self.members)}", remedy="choose two systems: --systems")
+        if on:
+            cast.check_ghost(len(self.members))
         self.ghost = on
         self.dress()
 
