@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from locomotion_models import CONTROLLERS, HASTY, MODELS, commands, drift, gliding, part, still_turned
 
+from lmm.locomotion import settings
 from lmm.locomotion.controller import STAGES
 from lmm.locomotion.settings import LocomotionSettings
 from mm import courses
@@ -167,6 +168,16 @@ def test_gaits_follow_the_command(kind: str) -> None:
         for _ in range(120):
             controller.step(command)
         np.testing.assert_allclose(controller.characters["gait"][0], np.eye(6)[gait], atol=1e-3)
+
+
+def test_hardly_any_speed_is_half_a_walk() -> None:
+    """Walks at 1 m/s and runs at 4 m/s meet at 2 m/s, each twice as far from the other."""
+    made = settings.record(LocomotionSettings(), 60.0, walk_mps=1.0, run_mps=4.0)[0]
+    np.testing.assert_allclose([made["jog_from"], made["jog_to"]], [1.95, 2.05], rtol=1e-6)
+    own = settings.record(LocomotionSettings(jog_from=3.0), 60.0, walk_mps=1.0, run_mps=4.0)[0]
+    np.testing.assert_allclose([own["jog_from"], own["jog_to"]], [3.0, 3.1], rtol=1e-6)
+    still = settings.record(LocomotionSettings(), 60.0, walk_mps=0.0, run_mps=0.0)[0]
+    assert np.isfinite([still["jog_from"], still["jog_to"]]).all() and still["jog_to"] > still["jog_from"]
 
 
 @pytest.mark.parametrize("compiled", [True, False])
