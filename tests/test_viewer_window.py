@@ -20,22 +20,23 @@ from viewer.replay import Replay
 from viewer.window.eye import DRAG, WHEEL, Eye
 
 HERE = Path(__file__).parent
+DRIVERS = [Path(folder, "vulkan/icd.d") for folder in ("/usr/share", "/etc", "/usr/local/share")]
 MISSING = [
     what
     for what, there in (
         ("open3d", importlib.util.find_spec("open3d")),
-        ("xvfb-run", shutil.which("xvfb-run")),
+        ("xvfb", shutil.which("xvfb-run")),
         ("xauth", shutil.which("xauth")),
-        ("libXtst", ctypes.util.find_library("Xtst")),
-        ("libvulkan", ctypes.util.find_library("vulkan")),
+        ("libxtst6", ctypes.util.find_library("Xtst")),
+        ("libvulkan1", ctypes.util.find_library("vulkan")),
+        ("mesa-vulkan-drivers", any(file for folder in DRIVERS for file in folder.glob("*.json"))),
+        ("libgl1", ctypes.util.find_library("GL")),
+        ("libegl1", ctypes.util.find_library("EGL")),
+        ("libusb-1.0-0", ctypes.util.find_library("usb-1.0")),
     )
     if not there
 ]
-opens = pytest.mark.skipif(bool(MISSING), reason=f"no {', '.join(MISSING)}")
-driven = pytest.mark.skipif(
-    bool(MISSING) or "WINDOW" not in os.environ,
-    reason="a window without a graphics card may take minutes: set WINDOW=1",
-)
+opens = pytest.mark.skipif(bool(MISSING), reason=f"no window: not installed are {', '.join(MISSING)}")
 
 
 @pytest.fixture(scope="module")
@@ -46,13 +47,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     done = subprocess.run(
         ["xvfb-run", "-a", *screen, sys.executable, HERE / "window_driver.py", made],
         cwd=HERE.parent,
-        # Threads of a processor that draws wait for each other by turning around: slow beside other tests.
-        env={**os.environ, "PYTHONPATH": ".", "LP_NUM_THREADS": "0"},
+        env={**os.environ, "PYTHONPATH": "."},
         capture_output=True,
         text=True,
-        timeout=600,
+        timeout=300,
     )
     assert done.stdout.rstrip().endswith("closed"), done.stdout + done.stderr
+    assert done.returncode == 0, done.stderr
     return made
 
 
@@ -62,7 +63,7 @@ def told(folder: Path) -> dict[str, Any]:
     return found
 
 
-@driven
+@opens
 def test_keys_drive_ahead_and_to_the_left(told: dict[str, Any]) -> None:
     start, ahead, left = (told[name] for name in ("start", "ahead", "left"))
     assert ahead["z"] - start["z"] > 0.8
@@ -71,14 +72,14 @@ def test_keys_drive_ahead_and_to_the_left(told: dict[str, Any]) -> None:
     assert left["yaw"] > 0.4
 
 
-@driven
+@opens
 def test_the_mouse_turns_the_camera_and_brings_it_nearer(told: dict[str, Any]) -> None:
     azimuth, elevation, distance = told["eye"]
     expected = [azimuth - 100 * DRAG, elevation + 20 * DRAG, WHEEL * distance]
     assert told["turned eye"] == pytest.approx(expected)
 
 
-@driven
+@opens
 def test_a_slider_changes_the_motion_until_it_is_reset(told: dict[str, Any]) -> None:
     assert told["set"] == pytest.approx(0.62, abs=0.05)  # of 0 to 1 s, where it was clicked
     way, slow = (np.hypot(told[name]["x"], told[name]["z"]) for name in ("ahead", "slowly"))
@@ -86,7 +87,7 @@ def test_a_slider_changes_the_motion_until_it_is_reset(told: dict[str, Any]) -> 
     assert told["reset"] == 0.27
 
 
-@driven
+@opens
 def test_the_timeline_scrubs_and_jumps_to_what_comes_next(told: dict[str, Any]) -> None:
     assert told["paused"]
     scrubbed, ahead = told["scrubbed"], told["ahead"]
@@ -96,12 +97,12 @@ def test_the_timeline_scrubs_and_jumps_to_what_comes_next(told: dict[str, Any]) 
     assert told["jumped"] == pytest.approx(later[0])
 
 
-@driven
+@opens
 def test_the_picture_is_what_the_other_renderer_draws(folder: Path) -> None:
     plain, seen = (np.asarray(Image.open(folder / f"{name}.png")).astype(int) for name in ("plain", "window"))
     seen = seen[: plain.shape[0], : plain.shape[1]]
     for red, blue in ((0, 2), (2, 0)):  # the left of the body, its right
-        there, here = (picture[..., red] - picture[..., blue] > 45 for picture in (plain, seen))
+        there, here = (picture[..., red] - picture[..., blue] > 30 for picture in (plain, seen))
         assert there.sum() > 300
         assert (there & here).sum() > 0.7 * there.sum()
         assert here.sum() < 1.4 * there.sum()

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from open3d.visualization import rendering
 from PIL import Image, ImageGrab
 
 from mm.build import build
@@ -23,7 +24,7 @@ from viewer import moments, sources, window
 from viewer.raster import Renderer
 from viewer.window.side import TABS
 
-SIZE = (640, 440)  # a processor draws: each picture takes some tenths of a second
+SIZE = (640, 440)
 WHEEL = 4  # the mouse's button that is its wheel, towards what is seen
 FRAME = 1 / 30  # seconds that go by from frame to frame of what is asked for, however long they take
 LATEST = 60.0  # real seconds until something has to be there
@@ -60,9 +61,12 @@ class Script:
     def __init__(self, folder: Path) -> None:
         self.folder, self.time, self.told = folder, 0.0, dict[str, Any]()
         self.hand, self._todo, self.shown = Hand(), self.steps(), None
+        self.nothing: Any = None
 
     def frame(self, shown: Any) -> bool:
-        self.shown = shown
+        if self.shown is None:
+            self.shown, self.nothing = shown, rendering.Open3DScene(shown.window.renderer)
+            self.nothing.set_view_size(1, 1)
         drawn = next(self._todo, None)
         if drawn is None:
             self._todo = iter(lambda: False, None)
@@ -93,18 +97,12 @@ class Script:
         yield from self.until(lambda: key.upper() not in self.shown.held)
 
     def draw(self, frames: int = 2) -> Steps:
-        """Let frames be drawn, and wait for each."""
+        """Let frames be drawn, and wait for all but the last: Open3D makes a picture that is asked for when
+        those before are done."""
         for _ in range(frames):
-            yield True
-            self.rest(0.04)
-
-    def rest(self, seconds: float) -> None:
-        """Wait until nothing was drawn for so long: Open3D lets pictures wait in line, and does not tell."""
-        end, idle = time.time() + LATEST, False
-        while not idle and time.time() < end:
-            before = time.process_time()
-            time.sleep(seconds)
-            idle = time.process_time() - before < 0.1 * seconds
+            made: list[Any] = []
+            self.nothing.scene.render_to_image(made.append)
+            yield from self.until(lambda made=made: bool(made), drawn=True)
 
     def press(self, x: float, y: float, *way: tuple[float, float]) -> Steps:
         """Press the mouse's button at a place, and let go of it there, or at the end of a way."""
@@ -140,8 +138,7 @@ class Script:
         """Draw until the picture of the display stays as it is; keep it."""
         end, before = time.time() + LATEST, np.zeros(0)
         while time.time() < end:
-            yield from self.draw()
-            self.rest(0.5)
+            yield from self.draw(3)
             self.picture = np.asarray(ImageGrab.grab().convert("RGB"))
             if np.array_equal(self.picture, before):
                 return

@@ -25,7 +25,7 @@ from .side import Side
 from .watch import Watch
 
 SIDE, BELOW = 24, 4  # letters' heights that the tabs are wide, and the timeline is high
-BUTTONS = 41  # likewise, that the timeline's buttons take
+BUTTONS = 34  # likewise, that the timeline's buttons take
 REFRESH = 0.1  # seconds after which numbers and pictures at the side are new
 _LOOKS, _ROOM = 40, 1.5  # instants at which one looks what has to be seen; room for who is driven
 AHEAD = 6.0  # seconds of several recordings that are seen from where one looks at first
@@ -159,7 +159,7 @@ class Window:
                 players.take_made()
             except UserError as error:
                 self.tell(str(error))
-            self.bar.refresh(look.time, look.live)
+            self.bar.refresh(look.time)
             self.side.refresh(look.time, look.errors)
             self._line.visible = now - self._told < TOLD
         self.frames += 1

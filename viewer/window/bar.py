@@ -25,11 +25,10 @@ class Bar:
         self.widget = gui.Vert(0.2 * em, gui.Margins(0.5 * em, 0.2 * em, 0.5 * em, 0.2 * em))
         self.slider = gui.Slider(gui.Slider.DOUBLE)
         self.slider.set_on_value_changed(lambda moment: self._slid(float(moment)))
-        buttons = gui.Horiz(0.3 * em)
+        buttons = gui.Horiz(0.2 * em)
         self._set = 0.0
         self._play = gui.Button("Pause")
         self._slow = gui.Button("Slow")
-        self._words = gui.Label(" " * 24)
         clicks: list[tuple[Any, Callable[[], None]]] = [
             (self._play, self.pause_or_go_on),
             (gui.Button("< step"), lambda: self.step(back=True)),
@@ -41,11 +40,10 @@ class Bar:
             button.set_on_clicked(what)
             button.vertical_padding_em = 0.0
             buttons.add_child(button)
-        buttons.add_child(self._words)
         self.widget.add_child(self.slider)
         self.widget.add_child(buttons)
 
-    def refresh(self, now: float, live: bool) -> None:
+    def refresh(self, now: float) -> None:
         """Tell of where one looks."""
         session = self._players.session
         begin, end = session.begin, max(session.time, session.begin + 1e-3)
@@ -53,7 +51,6 @@ class Bar:
         self.slider.double_value = self._set = min(max(now, begin), end)
         self._play.text = "Go on" if session.paused else "Pause"
         self._slow.text = "Slow" if session.speed == 1 else "Not slow"
-        self._words.text = f"{now:.2f} s" + (f" of {end:.2f}" if not live else "")
 
     def _slid(self, moment: float) -> None:
         # It also tells of values that it was set to.

@@ -198,7 +198,9 @@ class Players:
         self._asked = None if self._course is None else fitted(self._course, first)
         systems = {name: self.tunings[name].make(**self._about(name)) for name in self.names}
         if self._asked is not None:
-            return Session(systems, on_course(self._asked, len(systems)))
+            driver = on_course(self._asked, len(systems))
+            driver.know(*systems.values())
+            return Session(systems, driver)
         starts = np.zeros((len(systems), 2))
         if self._ground is not None:  # in one world, and not each at the beginning of its own
             starts[:, 0] = LANE * (np.arange(len(systems)) - (len(systems) - 1) / 2)
