@@ -281,6 +281,16 @@ def rows_of(frames, features, latents, out):
 
 
 @_jit
+def root_mean_square(a, b, scale, out):
+    """To out [N] root mean squares of the differences of rows a, b [N, S], each column times its scale."""
+    for n in range(len(a)):
+        total = 0.0
+        for c in range(a.shape[1]):
+            total += (np.float64(a[n, c] - b[n, c]) * scale[c]) ** 2
+        out[n] = math.sqrt(total / a.shape[1])
+
+
+@_jit
 def advance(values, rates, fps):
     """Add to values [N, S] what rates [N, S] per second make in a frame."""
     for n in range(values.shape[0]):

@@ -62,6 +62,10 @@ def rows_of(frames, features, latents, out):
     out[:] = np.concatenate([features[frames], latents[frames].view(np.float16)], axis=1)
 
 
+def root_mean_square(a, b, scale, out):
+    out[:] = np.sqrt((((a - b) * scale) ** 2).mean(axis=1))
+
+
 def advance(values, rates, fps):
     """See `lmm.kernels.advance`."""
     values += rates / fps

@@ -7,6 +7,7 @@ A learned state is a feature and a latent vector. How they mix with the classica
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -23,6 +24,7 @@ from .evaluator import Evaluator, Products
 from .frames import projector_inputs
 from .model import Model
 
+ARRAYS = ("values", "asked", "near", "since", "moved", "landed", "age")  # of a learned state
 SAME = 0.3  # root mean square of deviations: answers nearer to each other are the same
 
 
@@ -64,8 +66,7 @@ class LatentState:
 
     @property
     def nbytes(self) -> int:
-        arrays = self.values, self.asked, self.near, self.since, self.moved, self.landed, self.age
-        return sum(array.nbytes for array in arrays)
+        return sum(getattr(self, name).nbytes for name in ARRAYS)
 
     def __len__(self) -> int:
         return len(self.values)
@@ -93,15 +94,14 @@ class LatentState:
         return np.flatnonzero(self.moved) if self.moved.any() else NOBODY
 
     def take(self, who: NDArray[np.int64]) -> LatentState:
-        taken = LatentState(self.values[who], self.width, self.asked[who], self.near[who])
-        taken.since, taken.moved = self.since[who], self.moved[who]
-        taken.landed, taken.age = self.landed[who], self.age[who]
+        taken = copy(self)
+        for name in ARRAYS:
+            setattr(taken, name, getattr(self, name)[who])
         return taken
 
     def put(self, who: NDArray[np.int64], other: LatentState) -> None:
-        self.values[who], self.asked[who], self.near[who] = other.values, other.asked, other.near
-        self.since[who], self.moved[who] = other.since, other.moved
-        self.landed[who], self.age[who] = other.landed, other.age
+        for name in ARRAYS:
+            getattr(self, name)[who] = getattr(other, name)
 
 
 class ProjectorProjection:
@@ -131,6 +131,7 @@ class ProjectorProjection:
         self._crouch = np.uint32(description.crouch_tag)
         self._names = description.tag_names
         self._network = Evaluator(model.projector, products=products, compiled=compiled)
+        self._root_mean_square = (kernels if compiled else kernels_numpy).root_mean_square
 
     def guess(self, queries: NDArray[np.float32], required_tags: NDArray[np.uint32]) -> NDArray[np.float32]:
         """What the network answers [M, F + L] to queries [M, F]; a copy."""
@@ -150,7 +151,9 @@ class ProjectorProjection:
 
     def _apart(self, a: NDArray[np.float32], b: NDArray[np.float32]) -> NDArray[np.floating]:
         """How far states [M, F + L] lie from others: root mean square over columns, in deviations."""
-        return np.sqrt((((a - b) * self._scale) ** 2).mean(axis=1))
+        out = np.empty(len(a))
+        self._root_mean_square(a, b, self._scale, out)
+        return out
 
     def retune(self, settings: Settings, fps: float) -> None:
         self._radius = round(settings.ignore_radius * fps)

@@ -377,6 +377,14 @@ def test_rows_of_frames_are_their_features_and_latents():
     np.testing.assert_array_equal(found[0][2], [*features[8], *latents[8]])
 
 
+def test_how_far_apart_rows_are():
+    a, b = np.float32([[1, 2], [0, 0], [np.nan, 1]]), np.float32([[1, 0], [3, 4], [0, 0]])
+    for module in (kernels, kernels_numpy):
+        out = np.zeros(3)
+        module.root_mean_square(a, b, np.array([1.0, 0.5]), out)
+        np.testing.assert_allclose(out, [np.sqrt(0.5), np.sqrt((9 + 4) / 2), np.nan])
+
+
 def test_frames_near_a_state_go_on_with_it():
     last, tags = np.array([2, 2, 2, 4, 4], np.int32), np.array([1, 2, 4, 8, 16], np.uint32)
     for module in (kernels, kernels_numpy):
