@@ -11,7 +11,7 @@ from features.trajectory import directions_to_world
 from motion.springs import wrap
 
 from .commands import from_stick, from_velocity
-from .control import Command
+from .control import Command, System, lag_of
 from .course import Course, StickKey
 from .polyline import Polyline, spline
 
@@ -49,8 +49,8 @@ class Driver:
     nominal : seconds that the course should take.
     limit : seconds after which it is over in any case: the course's own, or twice nominal and ten more.
     done : all have arrived, or the last command was the last within limit.
-    lag : seconds after which characters go the way that they are asked to (`mm.control.lag_of`); by default
-        half of lookahead, by which the way to the point ahead is ahead of a curve.
+    lag : seconds [N] after which characters go the way that they are asked to (`know`); by default half of
+        lookahead, by which the way to the point ahead is ahead of a curve.
     """
 
     def __init__(
@@ -68,8 +68,8 @@ class Driver:
         if count < 1 or not fps > 0 or not lookahead > 0:
             raise ValueError(f"count {count}, fps {fps}, lookahead {lookahead}: expected positive numbers")
         self.course, self.count, self.fps = course, count, fps
-        self._masks = required_tags, forbidden_tags
-        self.lag: float | None = None
+        self._masks, self._lookahead = (required_tags, forbidden_tags), lookahead
+        self.lag = np.full(count, lookahead / 2)
         self._part: _Way | _Script
         shares = begin + np.arange(count) / count * spread
         if course.waypoints:
@@ -89,6 +89,11 @@ class Driver:
     def laps(self) -> Float:
         """Rounds of the way, or of the script, that each character has gone, [N], fractions included."""
         return self._part.laps(self._time)
+
+    def know(self, *systems: System) -> None:
+        """Who is driven: one system for all characters, or one for each, of which some tell their lag."""
+        known = [lag_of(system) for system in systems]
+        self.lag[:] = [self._lookahead / 2 if lag is None else lag for lag in known]
 
     def reset(self) -> None:
         """Back to the start; the same calls give the same commands again."""
@@ -178,7 +183,7 @@ class _Way:
         return (self._progress - self._begin) / self._line.length
 
     def command(
-        self, time: float, positions: NDArray, yaws: NDArray, last: NDArray, lag: float | None
+        self, time: float, positions: NDArray, yaws: NDArray, last: NDArray, lag: Float
     ) -> tuple[Command, bool]:
         arrived = self._advance(positions)
         leg, progress, line = self._leg, self._progress, self._line
@@ -196,9 +201,8 @@ class _Way:
             turn = wrap(line.headings[segment] - line.headings[line.at(progress)[2]])
             strafes = np.any(self._facings[leg] != 0, axis=1)
             rate = np.where(strafes, 0.0, turn / reach * speed)
-            if lag is not None:
-                # The chord to the aim has turned half as far as the way there does.
-                way = directions_to_world(way[:, None], turn * (lag / self._lookahead - 0.5))[:, 0]
+            # The chord to the aim has turned half as far as the way there does.
+            way = directions_to_world(way[:, None], turn * (lag / self._lookahead - 0.5))[:, 0]
             # Inside of a tight bend the nearest point can stop: the aim stays ahead all the same.
             push = np.where(arrived, 0.0, np.clip(reach / 2 - distance, 0, None))
             self._progress = np.minimum(progress + push, self._marks[leg])
@@ -271,7 +275,7 @@ class _Script:
         return np.full(self._count, time / self._seconds)
 
     def command(
-        self, time: float, positions: NDArray, yaws: NDArray, last: NDArray, lag: float | None
+        self, time: float, positions: NDArray, yaws: NDArray, last: NDArray, lag: Float
     ) -> tuple[Command, bool]:
         time = min(time, self.nominal - 1e-6)  # whoever asks later gets what was asked last
         clock = (time + self._offsets) % self._seconds

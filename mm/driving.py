@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from motion import quat
 
-from .control import Command, System, lag_of
+from .control import Command, System
 from .course import Course
 from .driver import Driver
 
@@ -85,7 +85,7 @@ class Again(Replay):
 def drive(system: System, clock: Clock) -> Iterator[int]:
     """Step a system from the start of the course on, without end; yields the number of steps made."""
     clock.reset()
-    clock.lag = lag_of(system)
+    clock.know(system)
     system.reset(clock.starts, clock.yaws)
     positions, yaws = clock.starts, clock.yaws
     frame = 0

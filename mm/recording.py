@@ -17,7 +17,7 @@ from motion.errors import UserError
 from motion.pose import Poses
 from motion.skeleton import Skeleton
 
-from .control import Command, System, lag_of
+from .control import Command, System
 from .course import Course
 from .driver import Driver
 
@@ -199,7 +199,7 @@ def record(
         raise UserError(f"a run of {seconds} seconds", remedy="give a number above 0")
     driver = driver or Driver(course, system.count, system.fps, spread=spread)
     driver.reset()
-    driver.lag = lag_of(system)
+    driver.know(system)
     frames = driver.frames if seconds is None else min(driver.frames, max(1, round(seconds * system.fps)))
     recorder = Recorder(system, frames=frames, every=every, characters=characters)
     steps, label = _frames(frames, driver), course.name or "run"

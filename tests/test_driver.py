@@ -19,7 +19,8 @@ def drive(course, count=1, *, follow="obey", frames=100_000, lag=None, **options
     """Points that obey at once, or by the springs of a simulated character. Returns the driver and
     positions [T, N, 2], velocities asked for [T, N, 2] and facings [T, N]."""
     driver = Driver(course, count, FPS, **options)
-    driver.lag = lag
+    if lag is not None:
+        driver.lag[:] = lag
     x, yaw = driver.starts.astype(np.float64), driver.yaws
     v, a = np.zeros_like(x), np.zeros_like(x)
     rows = []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -303,8 +304,11 @@ def test_settings_out_of_range_are_refused() -> None:
 
 @pytest.mark.parametrize("kind", MODELS)
 def test_who_drives_a_network_knows_that_it_turns_sooner_than_a_spring(kind: str) -> None:
-    driver, system = Driver(courses.load("circle")), CONTROLLERS[kind](MODELS[kind]())
-    assert driver.lag is None
-    record(system, driver.course, seconds=1 / 60, driver=driver)
-    assert driver.lag == system.lag == Wrapped(system).lag
+    system = CONTROLLERS[kind](MODELS[kind]())
     assert 0 < system.lag < LOOKAHEAD / 4
+    driver = Driver(courses.load("circle"))
+    record(system, driver.course, seconds=1 / 60, driver=driver)
+    assert driver.lag == [system.lag]
+    several = Driver(courses.load("circle"), 2)
+    several.know(Wrapped(system), SimpleNamespace())  # type: ignore[arg-type]
+    np.testing.assert_array_equal(several.lag, [system.lag, LOOKAHEAD / 2])
