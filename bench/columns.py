@@ -45,14 +45,14 @@ class Column:
 GROUPS: dict[str, tuple[Column, ...]] = {
     "memory": (
         Column("memory_mb", "memory", "MB", 2, "all that the system holds, 10^6 bytes"),
-        Column("of_lmm_memory", "memory", "× LMM", 2, "the same as a multiple of what lmm-PSD holds"),
+        Column("of_lmm_memory", "memory", "× LMM", 2, "the same as a multiple of what lmm-PSD holds", ""),
     ),
     "cost": (
         Column(
             "frame_us", "frame", "µs", 1, "median of a whole frame, one character, one pinned thread, warm"
         ),
         Column("frame_mean_us", "mean", "µs", 1, "mean of a whole frame, its share of the searches included"),
-        Column("of_lmm_mean", "mean", "× LMM", 2, "the mean as a multiple of lmm-PSD's"),
+        Column("of_lmm_mean", "mean", "× LMM", 2, "the mean as a multiple of lmm-PSD's", ""),
         Column("frame_p99_us", "p99", "µs", 0, "99th percentile of a whole frame"),
         Column(
             "frame_spread_us",
@@ -69,8 +69,9 @@ GROUPS: dict[str, tuple[Column, ...]] = {
             0,
             "bytes that a frame without a search allocates, and frees again: arrays made anew, handles of "
             "those that kernels are given, objects of Python",
+            "",
         ),
-        Column("search_bytes", "with search", "B", 0, "the same of a frame with a search"),
+        Column("search_bytes", "with search", "B", 0, "the same of a frame with a search", ""),
     ),
     "motion": (
         Column("skate_cm_s", "skate", "cm/s", 2, "mean of v (2 - 2^(h/H)), H = 2.5 cm, over frames and feet"),

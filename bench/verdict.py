@@ -24,6 +24,7 @@ EXACT = ("mm-brute", "mm-aabb", "mm-kdtree", "mm-faiss-flat")
 SHARE = 0.25  # by which a metric may be above the reference's
 COST, MEMORY = "frame_mean_us", "memory_mb"
 FEW = 5  # courses, fewer of which show only large differences
+DOUBTS = 2  # metrics of which it is told how much worse a system may be
 NAMED = 4  # systems that are named one by one where many are meant
 
 
@@ -341,10 +342,14 @@ def _budgets(measured: Measured) -> list[str]:
 
 def _doubts(measured: Measured, name: str) -> str:
     """By how much a system that keeps the quality may yet be worse than allowed; nothing where it is sure."""
+    doubted = sorted(measured.doubted(name), key=lambda doubt: doubt[1] / doubt[2], reverse=True)
     worst = [
         f"{metric.told(more)} more {metric.words} ({metric.told(most, unit=False)} is allowed)"
-        for metric, more, most in measured.doubted(name)
+        for metric, more, most in doubted[:DOUBTS]
     ]
+    rest = [metric.words for metric, *_ in doubted[DOUBTS:]]
+    if rest:
+        worst.append(f"more than is allowed of {_listed(rest)}")
     if not worst:
         return ""
     unit = "course" if measured.runs["course"].nunique() > 1 else "seed"

@@ -43,7 +43,7 @@ COLUMNS = (
     ("drift_held_cm", "held-out drift cm", 2, "the same on clips that no model was trained on"),
 )
 ALLOCATED = (
-    ("frame_bytes_{n}", "frame B, {n}", 0, "bytes of temporaries of a frame of {n} characters"),
+    ("frame_bytes_{n}", "frame B, {n}", 0, "bytes that a frame of {n} characters allocates and frees again"),
     ("search_bytes_{n}", "search B, {n}", 0, "the same of a frame in which any of {n} searches"),
     (
         "blocks_{n}",
@@ -118,14 +118,12 @@ def facts(memory: Memory) -> list[str]:
         states = f"true states {row['pose_cm']:.2g} cm off, those that it made itself for ten frames"
         out.append(f"{row['system']} decodes {states} {row['drift_cm']:.2g} cm, on average.")
     if "frame_bytes_1" in rows:
-        least, most, kept = (
-            rows["frame_bytes_1"].min(),
-            rows["frame_bytes_1"].max(),
-            rows["kept_bytes_1"].max(),
-        )
+        least, most = rows["frame_bytes_1"].min(), rows["frame_bytes_1"].max()
+        searching, kept = rows["search_bytes_1"].max(), rows["kept_bytes_1"].max()
+        with_search = f", one with a search up to {searching:,.0f}" if known(searching) else ""
         out.append(
-            f"A frame of one character makes temporaries of {least:,.0f} to {most:,.0f} bytes, and all "
-            f"{FRAMES} that were watched together leave at most {kept:,.0f} bytes behind."
+            f"A frame of one character allocates {least:,.0f} to {most:,.0f} bytes and frees them again"
+            f"{with_search}; {FRAMES} frames together leave at most {kept:,.0f} behind."
         )
     return out
 
