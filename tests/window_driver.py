@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ctypes
 import json
+import signal
 import sys
 import tempfile
 import time
@@ -70,7 +71,7 @@ class Script:
         drawn = next(self._todo, None)
         if drawn is None:
             self._todo = iter(lambda: False, None)
-            shown.close()
+            signal.raise_signal(signal.SIGINT)  # as by Ctrl-C
         return bool(drawn)
 
     # What a user does
@@ -213,12 +214,14 @@ def dances(seconds: float = 60.0) -> sources.Sources:
 
 if __name__ == "__main__":
     script = Script(Path(sys.argv[1]))
-    window.run(
-        dances(),
-        size=SIZE,
-        shown=[],
-        patience=LATEST,
-        clock=lambda: script.time,
-        on_frame=script.frame,
-    )
-    print("closed")
+    try:
+        window.run(
+            dances(),
+            size=SIZE,
+            shown=[],
+            patience=LATEST,
+            clock=lambda: script.time,
+            on_frame=script.frame,
+        )
+    except KeyboardInterrupt:
+        print("interrupted")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -95,14 +96,20 @@ class Window:
         self._begin()
 
     def run(self) -> None:
-        """Until it is closed; what a frame raises is raised here."""
+        """Until it is closed; what a frame raises is raised here, and an interrupt from the keyboard, too."""
+        before = signal.signal(signal.SIGINT, self._interrupt)
         try:
             self._app.run()
         finally:
+            signal.signal(signal.SIGINT, before)
             self.players.close()
             self.pad.close()
         if self._error is not None:
             raise self._error
+
+    def _interrupt(self, *_: Any) -> None:
+        # Raised among Open3D's own calls it would end the program while others still draw.
+        self._error = KeyboardInterrupt()
 
     def close(self) -> None:
         # Open3D crashes where a window closes in its own tick.
@@ -118,14 +125,15 @@ class Window:
     def _tick(self) -> bool:
         """A frame; whether it is to be drawn."""
         begin = time.perf_counter()
+        if self._error is not None:
+            self.close()
+            return False
         try:
             self._frame()
             self.watch.take(begin, time.perf_counter())
             drawn = None if self._on_frame is None else self._on_frame(self)
         except Exception as error:  # Open3D would print it and go on
             self._error, drawn = error, False
-            self._on_frame = None
-            self.close()
         return self._in_time() if drawn is None else drawn
 
     def _in_time(self) -> bool:
