@@ -34,6 +34,7 @@ JUDGED, RUNS, HORIZONS = 1500, 200, (30, 60)
 STATISTICS = 20_000  # frames that means and deviations are of
 # Deviation of what is asked: who was trained on one gait, straight on, or on level ground, meets others.
 LEAST = 0.1
+ASKED = {"path", "facing", "going", "speeds"}  # blocks of inputs that are asked for, if not alone
 WORK = 300_000_000  # bytes that statistics, weights and batches take, whatever the data
 
 
@@ -173,8 +174,11 @@ class LocomotionStage:
         for block in layout.inputs.keys() & set(JOINTS):
             joints = noise[layout.inputs[block]].reshape(len(weights), -1)
             joints[:] = self._joint_scale * weights[:, None]
+        noise *= self._how.noise
+        for block in layout.inputs.keys() & ASKED:
+            noise[layout.inputs[block]] = self._how.asked_noise
         noise[layout.inputs["gaits"]] = 0
-        self._noise = torch.from_numpy(self._how.noise * noise).to(device)
+        self._noise, self._noisy = torch.from_numpy(noise).to(device), bool(noise.any())
         self._joints = joint_columns(layout)
         ahead, future, asked = _future(layout, data.database.fps)
         self._ahead, self._asked = torch.from_numpy(ahead).to(device), torch.from_numpy(asked).to(device)
@@ -200,7 +204,7 @@ class LocomotionStage:
             if found is not None:
                 x = self._fed_back(x, found * network.output_std + network.output_mean)
             x = (x - network.input_mean) / network.input_std
-            if found is None and settings.noise:
+            if found is None and self._noisy:
                 amounts = draw.random((len(rows), 1)) * draw.standard_normal((len(rows), x.shape[1]))
                 x = x + torch.from_numpy(amounts.astype(np.float32)).to(x.device) * self._noise
             found = network.inner(x, *more(rows + step), keep=settings.keep, draw=masks)

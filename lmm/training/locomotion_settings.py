@@ -17,17 +17,22 @@ class LocomotionStageSettings(StageSettings):
     window : frames that the network runs on its own output; 1 learns each frame by itself.
     alone : share of the iterations, the first, in which each frame is learned by itself whatever the window.
     keep : share of a layer's inputs that dropout leaves.
-    noise : how far off inputs are at most, in deviations of their block; each sample by another amount.
+    noise, asked_noise : how far off the joints that go in are at most, and the trajectory, in deviations of
+        their block; each sample by another amount. A walk backwards lies half a deviation from one ahead
+        where the data runs: who is told of the way no better than that answers what is rare with what is
+        common.
     """
 
     hidden: tuple[int, ...] = (512, 512)
     alone: float = 0.0
     keep: float = 0.7
     noise: float = 0.0
+    asked_noise: float = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name, least, most in (("alone", 0, 1), ("keep", 0.01, 1), ("noise", 0, 10)):
+        ranges = (("alone", 0, 1), ("keep", 0.01, 1), ("noise", 0, 10), ("asked_noise", 0, 10))
+        for name, least, most in ranges:
             check_range(name, getattr(self, name), least, most)
 
 
@@ -65,4 +70,5 @@ def ours(name: str) -> dict[str, Any]:
         "alone": 0.6,
         "keep": 1.0,
         "noise": 0.5,
+        "asked_noise": 0.1,
     }
