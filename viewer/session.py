@@ -25,7 +25,7 @@ from motion.pose import Poses
 from .timeline import EXACTLY, SECONDS, Instant, Timeline
 
 _PARTS = tuple(part.name for part in fields(Command))
-MOST = 0.25  # seconds of real time that are made up for at once: a window that was dragged is no fast-forward
+MOST = 0.5  # seconds of real time that are made up for at once: a window that was dragged is no fast-forward
 
 
 class Pilot(Protocol):
