@@ -49,6 +49,21 @@ def test_a_ring_holds_the_last_steps_in_order() -> None:
         assert found.record(0)["number"] == kept[0]
 
 
+def test_what_is_held_stays_while_steps_are_appended() -> None:
+    for steps, since in ((1, 0), (99, 90), (303, 0), (303, 280)):
+        found = numbered(steps, cuts=[steps - 1])
+        kept = np.arange(max(0, steps - 100, since), steps)
+        held = found.held(since=since)
+        for _ in range(3):
+            found.hold()
+        assert (held.first, held.last) == (kept[0], kept[-1])
+        np.testing.assert_array_equal(held.stack("number"), kept)
+        np.testing.assert_array_equal(held.stack("number", since=kept[-1]), kept[-1:])
+        np.testing.assert_array_equal(held.step_seconds(), kept)
+        np.testing.assert_array_equal(held.cuts(), kept == steps - 1)
+        assert held.record(held.first)["number"] == kept[0]
+
+
 def test_any_time_between_steps_is_shown_between_them() -> None:
     found = numbered(300)
     for time in np.random.default_rng(0).uniform(found.begin, found.end, 50):

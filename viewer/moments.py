@@ -27,6 +27,7 @@ def of(timeline: Timeline, contact_roles: Sequence[str] | None = None) -> dict[s
 
     contact_roles : what the contacts recorded are of; None: those that are told by default.
     """
+    timeline = timeline.held()
     found = dict.fromkeys(KINDS, np.zeros(0, np.int64))
     names = timeline.names
     if "transition" in names:

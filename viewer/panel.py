@@ -72,8 +72,8 @@ class Gauge:
 
     def __init__(self, member: Member, parts: Sequence[str] = ("panel",), *, since: int = 0) -> None:
         self.member, self.parts = member, parts
-        self._first = max(since, member.timeline.first)
-        self._curves = curves.of(member.timeline, since=since, contact_roles=member.contact_roles)
+        self._timeline = member.timeline.held(since=since)
+        self._curves = curves.of(self._timeline, contact_roles=member.contact_roles)
         self._tops = {
             name: max(top, float(np.nanquantile(self._curves[name], 0.99)))
             for name, top in _TOPS.items()
@@ -93,8 +93,8 @@ class Gauge:
         return told
 
     def _rows(self, time: float) -> list[Row]:
-        timeline, found = self.member.timeline, []
-        now = timeline.step_at(time) - self._first
+        timeline, found = self._timeline, list[Row]()
+        now = timeline.step_at(time) - timeline.first
         past = slice(max(0, now + 1 - round(HISTORY * timeline.fps)), now + 1)
         for name, decimals in (("cost", 2), ("speed", 2), ("skate", 1), ("step", 2)):
             values = self._curves[name]

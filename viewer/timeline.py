@@ -189,13 +189,31 @@ class Timeline:
         """Whether each step remembered [T] is a cut: the one before does not lead to it."""
         return self._in_order(self._cuts, since)
 
+    def held(self, *, since: int = 0) -> Timeline:
+        """What is remembered now, from a step on: a copy that stays as it is while another thread appends."""
+        last = self.last
+        steps = np.arange(max(since, self._start, last + 1 - self.kept), last + 1)
+        found = Timeline(self.skeleton, self.fps, start=int(last + 1 - len(steps)), about=self.about)
+        found.kept, found.last, found._made = max(len(steps), 1), last, list(self._made)
+        here, there = steps % (self.kept + 1), steps % (found.kept + 1)
+
+        def copied(array: NDArray) -> NDArray:
+            copy = np.zeros((found.kept + 1, *array.shape[1:]), array.dtype)
+            copy[there] = array[here]
+            return copy
+
+        found._arrays = {name: copied(array) for name, array in dict(self._arrays).items()}
+        found._seconds, found._cuts = copied(self._seconds), copied(self._cuts)
+        return found
+
     def recording(self) -> Recording:
         """What is remembered as a run: to be saved, or made into a clip."""
+        now = self.held()
         return Recording(
             fps=self.fps,
-            arrays={name: np.ascontiguousarray(self.stack(name)[:, None]) for name in self._arrays},
-            step_seconds=self.step_seconds(),
-            stage_seconds=np.zeros((len(self), 0)),
+            arrays={name: np.ascontiguousarray(now.stack(name)[:, None]) for name in now.names},
+            step_seconds=now.step_seconds(),
+            stage_seconds=np.zeros((len(now), 0)),
             **self.about,
         )
 
