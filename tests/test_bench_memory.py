@@ -132,7 +132,7 @@ def test_frames_allocate_nothing_for_their_characters(folder, database):
         found, many = (
             allocations.of_steps(entry.make(database, count), allocations.wander(count)) for count in (1, 12)
         )
-        assert max(found.kept_bytes, many.kept_bytes) < 10_000, entry.name
+        assert max(found.kept_bytes, many.kept_bytes) < 30_000, entry.name  # a pose each frame were 200_000
         assert max(found.frame_bytes, many.frame_bytes) < 2500, entry.name
         assert many.frame_bytes < found.frame_bytes + 100, entry.name
         assert not found.search_bytes > 12_000, entry.name

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from locomotion_models import CONTROLLERS, HASTY, MODELS, commands, drift, gliding, part, still_turned
 
-from lmm.locomotion import settings
+from lmm.locomotion import bones, settings, steps, steps_numpy
 from lmm.locomotion.controller import STAGES
 from lmm.locomotion.settings import LocomotionSettings
 from mm import courses
@@ -19,9 +19,10 @@ from mm.control import Command
 from mm.driver import LOOKAHEAD, Driver
 from mm.recording import Recording, record
 from mm.wrapped import Wrapped
-from motion import quat
+from motion import kinematics, quat
 from motion.config import ConfigError
 from motion.errors import UserError
+from motion.skeleton import Skeleton
 
 
 @pytest.mark.parametrize(
@@ -106,13 +107,85 @@ def test_rates_are_those_of_the_poses_shown(kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", MODELS)
-def test_bones_keep_their_length_when_told_to(kind: str) -> None:
-    controller = CONTROLLERS[kind](
-        MODELS[kind](), settings=LocomotionSettings(stretch=False, foot_lock=False)
-    )
+def test_bones_keep_their_length(kind: str) -> None:
+    controller = CONTROLLERS[kind](MODELS[kind](), settings=LocomotionSettings(foot_lock=False))
+    poses, skeleton = controller.step(commands(1)), controller.skeleton
+    under = skeleton.parents > 0
+    np.testing.assert_allclose(poses.positions[0, under], skeleton.offsets[under], atol=1e-6)
+
+
+def test_two_bones_end_where_they_shall() -> None:
+    """A thigh and a shin of 0.4 m whose joints are put where they can be, too near to each other, too far."""
+    parents, aims = np.array([-1, 0, 1, 2]), np.array([[-1, -1], [2, 3], [3, -1], [-1, -1]])
+    offsets = np.array([[0, 0, 0], [0, 1, 0], [0, -0.4, 0], [0, -0.4, 0]], np.float32)
+    hip, rng = np.array([0.1, 0.9, 0.2]), np.random.default_rng(0)
+    for asked, height in ((0.75, 0.12), (0.79, 0.1), (0.6, 0.3), (0.9, 0.05), (0.78, 0.0)):
+        reach, side = np.array([0, -asked, 0]), np.array([0, 0, height])
+        joints = np.array([hip, hip + reach / 2 + side, hip + reach], np.float32)
+        turned = quat.normalize(rng.standard_normal((3, 4))).astype(np.float32)
+        places, twin = np.zeros((3, 3), np.float32), turned[None].copy()
+        twin = steps_numpy._keep_lengths(parents, offsets, aims, joints[None], twin)[0]
+        steps._keep_lengths(parents, offsets, aims, joints, turned, places)
+        np.testing.assert_allclose(turned, twin, atol=1e-5)
+        lengths = np.linalg.norm(np.diff(places, axis=0), axis=1)
+        np.testing.assert_allclose(lengths, 0.4, atol=1e-5)
+        bend = np.sqrt(max(0.4**2 - (asked / 2) ** 2, 0))
+        if asked > 0.8:  # out of reach
+            np.testing.assert_allclose(places[2], hip - np.array([0, 0.8, 0]), atol=1e-3)
+        elif bend <= height + steps.BEND:
+            np.testing.assert_allclose(places[2], joints[2], atol=1e-4)
+            assert places[1, 2] > hip[2]
+        else:  # nobody bends a straight leg this way and that
+            assert abs(places[1, 2] - hip[2]) <= height + steps.BEND + 1e-6
+
+
+@pytest.mark.parametrize("kind", MODELS)
+def test_bones_stretch_when_told_to(kind: str) -> None:
+    settings = LocomotionSettings(stretch=True, foot_lock=False)
+    controller = CONTROLLERS[kind](MODELS[kind](), settings=settings)
     poses = controller.step(commands(1))
-    under = controller.skeleton.parents > 0
-    np.testing.assert_allclose(poses.positions[0, under], controller.skeleton.offsets[under], atol=1e-6)
+    poses.positions[0, 0], poses.rotations[0, 0] = 0, [1, 0, 0, 0]
+    shown, _ = kinematics.forward(controller.skeleton, poses.positions[0], poses.rotations[0])
+    np.testing.assert_allclose(shown[1:], controller._fed[0][0], atol=1e-4)
+
+
+def test_bones_end_at_the_furthest_child_hubs_have_none_and_limbs_reach() -> None:
+    joints = {
+        "root": ("", (0, 0, 0)),
+        "pelvis": ("root", (0, 1, 0)),  # two thighs, either way
+        "thigh": ("pelvis", (0.11, 0, 0)),
+        "other": ("pelvis", (-0.11, 0, 0)),
+        "twist": ("thigh", (0, -0.2, 0)),  # a helper beside the bone
+        "shin": ("thigh", (0.01, -0.42, 0)),
+        "ankle": ("shin", (0, -0.4, 0.02)),
+        "toe": ("ankle", (0, -0.05, 0.06)),  # near
+        "helper": ("other", (0, -0.2, 0)),  # a helper within the bone
+        "below": ("helper", (0, -0.2, 0)),
+        "end": ("below", (0, -0.4, 0)),
+        "arm": ("pelvis", (0, 0.5, 0)),
+        "forearm": ("arm", (0, 0.3, 0)),
+        "wrist": ("forearm", (0, 0.2, 0)),
+        "hand": ("wrist", (0, 0.01, 0)),
+    }
+    names = list(joints)
+    roles = {"left_up_leg": "thigh", "left_leg": "shin", "left_foot": "ankle"}
+    roles |= {"left_arm": "arm", "left_forearm": "forearm", "left_hand": "hand"}
+    roles |= {"right_up_leg": "other", "right_leg": "below", "right_foot": "end", "right_arm": "arm"}
+    skeleton = Skeleton(
+        tuple(names),
+        np.array([names.index(parent) if parent else -1 for parent, _ in joints.values()]),
+        np.array([offset for _, offset in joints.values()], float),
+        {role: names.index(name) for role, name in roles.items()},
+    )
+    found = {
+        names[joint]: tuple(names[end] if end >= 0 else None for end in ends)
+        for joint, ends in enumerate(bones.aims(skeleton))
+        if ends.max() >= 0
+    }
+    whole = {"thigh": ("shin", "ankle"), "shin": ("ankle", None)}
+    whole |= {"arm": ("forearm", "wrist"), "forearm": ("wrist", None)}
+    helped = {"other": ("helper", None), "helper": ("below", None), "below": ("end", None)}
+    assert found == whole | helped
 
 
 @pytest.mark.parametrize("kind", MODELS)

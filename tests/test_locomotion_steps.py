@@ -121,10 +121,12 @@ def hills(x: np.ndarray, z: np.ndarray) -> np.ndarray:
     return 0.2 * np.sin(x) + 0.1 * z
 
 
-@pytest.mark.parametrize("stretch", [0.5, 2.0])
-def test_it_is_the_window_of_120_frames(stretch: float) -> None:
-    settings = LocomotionSettings(position_bias=stretch, direction_bias=3.0, foot_lock=False, jog_from=1.0,
-                             jog_to=2.0, velocity_halflife=0.05, adjustment_ratio=0)  # fmt: skip
+@pytest.mark.parametrize("bias", [0.5, 2.0])
+def test_it_is_the_window_of_120_frames(bias: float) -> None:
+    settings = LocomotionSettings(
+        position_bias=bias, direction_bias=3.0, velocity_halflife=0.05, jog_from=1.0, jog_to=2.0,
+        adjustment_ratio=0, stretch=True, foot_lock=False,
+    )  # fmt: skip
     model = pfnn_models.model()
     controller = PhaseController(model, settings=settings, ground=hills)
     controller.reset([[3, -2]], [2.0])
@@ -195,8 +197,8 @@ def call(controller: LocomotionController, name: str) -> None:
         c._stand(c.characters, c._points[..., 0].copy(), c._x)
     elif name == "show":
         kernels.show(
-            c.characters, y, c._out, c._settings, c.skeleton.parents, c._offsets, c.settings.stretch,
-            c._contact_columns, *c._fed, *shown.arrays().values(), c._contacts, c._turned,
+            c.characters, y, c._out, c._settings, c.skeleton.parents, c._offsets, c._aims,
+            c._contact_columns, *c._fed, *shown.arrays().values(), c._contacts, c._turned, c._places,
         )  # fmt: skip
     else:
         kernels.advance(c.characters, c._past, c._head, y, c._out, c._settings, c._obstacles)

@@ -21,8 +21,8 @@ from motion.plain import plain
 from motion.pose import Poses
 
 from ..evaluator import Products
+from . import bones, trajectory
 from . import settings as settings_types
-from . import trajectory
 from .model import LocomotionModel
 from .settings import LocomotionSettings
 from .window import GAITS, PRESENT, SAMPLES, SIDES
@@ -112,6 +112,7 @@ class LocomotionController:
         self._x = np.zeros((count, layout.input_size), np.float32)
         self._points = np.zeros((count, SAMPLES, SIDES, 2), np.float32)
         self._turned = np.zeros((joints - 1, 4), np.float32)
+        self._places = np.zeros((joints - 1, 3), np.float32)
         self._shown = Poses.empty(count, joints)
         # What is shown differs from what the network goes on from by the locked legs' rotations.
         self._rotations = self._shown.rotations.copy()
@@ -143,6 +144,7 @@ class LocomotionController:
                 anywhere[:] = -ANY_HEIGHT, ANY_HEIGHT
                 self._lock_heights = plain(anywhere)
         self.settings = settings
+        self._aims = np.empty((0, 2), np.int64) if settings.stretch else bones.aims(description.skeleton)
         self._settings = settings_types.record(
             settings, self.fps, walk_mps=description.walk_mps, run_mps=description.run_mps, **self._knows
         )
@@ -183,8 +185,9 @@ class LocomotionController:
         shown = self._shown
         kernels.show(
             characters, y, self._out, self._settings, self.skeleton.parents, self._offsets,
-            self.settings.stretch, self._contact_columns, *fed, shown.positions[who], shown.rotations[who],
+            self._aims, self._contact_columns, *fed, shown.positions[who], shown.rotations[who],
             shown.velocities[who], shown.angular_velocities[who], self._contacts[who], self._turned,
+            self._places,
         )  # fmt: skip
         self._head = (self._head + 1) % past.shape[1]
         kernels.advance(characters, past, self._head, y, self._out, self._settings, self._obstacles)
@@ -330,7 +333,7 @@ class LocomotionController:
     def memory(self) -> dict[str, int]:
         """Bytes by part: weights, their padding, statistics, room to work in, the state of one character."""
         own = self.network.memory()
-        room = sum(array.nbytes for array in (self._turned, *self._world))
+        room = sum(array.nbytes for array in (self._turned, self._places, *self._world))
         return own | {
             "workspace": own["workspace"] + room,
             "state": sum(array.nbytes for array in self._held()) // self.count,

@@ -32,7 +32,8 @@ class LocomotionSettings:
         characters of motion matching are by half. 0, as published, leaves the way to the network, which goes
         where the body faces rather than aside.
     joint_smoothing : share of the last frame's joints, moved on by their velocities, in those shown.
-    stretch : whether joints are shown where the network puts them, else bones keep their length.
+    stretch : whether joints are shown where the network puts them, as published; else bones keep their
+        length, and limbs are bent so that they end where it puts hands and feet (`lmm.locomotion.bones`).
     foot_lock, foot_halflife, unlock_radius, foot_height, body_radius : see `mm.settings.Settings`.
     """
 
@@ -47,7 +48,7 @@ class LocomotionSettings:
     jog_to: float | None = None
     adjustment_ratio: float = 0.2
     joint_smoothing: float = 0.5
-    stretch: bool = True
+    stretch: bool = False
     foot_lock: bool = True
     foot_halflife: float = 0.1
     unlock_radius: float = 0.2

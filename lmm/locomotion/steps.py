@@ -13,11 +13,13 @@ import numba
 
 from mm.kernels import push_out, turn
 from motion import springs
-from motion.quat_scalar import inv, log_shortest, mul, rotate
+from motion.quat_scalar import between, dot, inv, log_shortest, mul, rotate
 
 _jit = numba.njit(cache=True, nogil=True, error_model="numpy")
 
 SAMPLES, FUTURE, ASIDE = 12, 6, 0.25  # as `lmm.locomotion.window` has them
+POINT = 1e-4  # m^2: a bone no longer than a centimetre points nowhere
+BEND = 0.02  # metres that two bones bend further than the network has it, to end where they shall
 NOWHERE = 1e-6  # m^2/s^2: who is asked to go slower is asked to go no way
 
 
@@ -148,11 +150,16 @@ def move_joints(c, s, positions, velocities, joints, kept):
 
 
 @_jit
-def put_pose(i, c, fps, parents, offsets, stretch, joints, turned, positions, rotations, velocities, angular):
+def put_pose(i, c, fps, parents, offsets, aims, joints, turned, places, positions, rotations, velocities,
+             angular):  # fmt: skip
     """Write character i's joints [J, 3] and rotations turned [J, 4] in root space as pose i of arrays.
 
-    parents [J + 1] and offsets [J + 1, 3] are the skeleton's; joint 0 of the pose is the root, in the world.
+    parents [J + 1] and offsets [J + 1, 3] are the skeleton's. Bones keep their length, and joints are turned
+    for aims [J + 1, 2] (`lmm.locomotion.bones`); without any, aims [0, 2], bones stretch from joint to joint.
+    places [J, 3] is scratch. Joint 0 of the pose is the root, in the world.
     """
+    if len(aims) > 0:
+        _keep_lengths(parents, offsets, aims, joints, turned, places)
     for j in range(1, len(parents)):
         p, x = parents[j] - 1, (joints[j - 1, 0], joints[j - 1, 1], joints[j - 1, 2])
         q = _quaternion(turned[j - 1])
@@ -160,13 +167,66 @@ def put_pose(i, c, fps, parents, offsets, stretch, joints, turned, positions, ro
             back = inv(_quaternion(turned[p]))
             q = mul(back, q)
             x = rotate(back, (x[0] - joints[p, 0], x[1] - joints[p, 1], x[2] - joints[p, 2]))
-            if not stretch:
+            if len(aims) > 0:
                 x = (offsets[j, 0], offsets[j, 1], offsets[j, 2])
         _put(i, j, x, q, fps, positions, rotations, velocities, angular)
     half = c.root[2] / 2
     x, q = (c.root[0], c.height, c.root[1]), (math.cos(half), 0.0, math.sin(half), 0.0)
     _put(i, 0, x, q, fps, positions, rotations, velocities, angular)
     c.shown[0], c.shown[1], c.shown[2], c.shown_height = c.root[0], c.root[1], c.root[2], c.height
+
+
+@_jit
+def _keep_lengths(parents, offsets, aims, joints, turned, places):
+    """Turn joints, rotations turned [J, 4], for their aims; places [J, 3] become where they are then."""
+    for j in range(1, len(parents)):
+        p, here = parents[j] - 1, _vector(joints[j - 1])
+        if p >= 0:
+            away = rotate(_quaternion(turned[p]), _vector(offsets[j]))
+            here = (places[p, 0] + away[0], places[p, 1] + away[1], places[p, 2] + away[2])
+        for a in range(3):
+            places[j - 1, a] = here[a]
+        end, far = aims[j]
+        if end < 0:
+            continue
+        bone = _vector(offsets[end])
+        way = _minus(_vector(joints[end - 1]), here)
+        if far >= 0:
+            reach = _minus(_vector(joints[far - 1]), here)
+            way = _bent(way, reach, dot(bone, bone), dot(_vector(offsets[far]), _vector(offsets[far])))
+        if dot(way, way) > POINT:
+            q = _quaternion(turned[j - 1])
+            q = mul(between(rotate(q, bone), way), q)
+            for a in range(4):
+                turned[j - 1, a] = q[a]
+
+
+@_jit
+def _bent(way, reach, first, second):
+    """The way of the first of two bones of squared lengths first and second that end at reach: on the side
+    of its way so far, and not much further aside, where straight bones would bend this way and that."""
+    d = math.sqrt(max(dot(reach, reach), POINT))
+    along = dot(way, reach) / (d * d)
+    aside = (way[0] - along * reach[0], way[1] - along * reach[1], way[2] - along * reach[2])
+    width = math.sqrt(dot(aside, aside))
+    if width < POINT:
+        return way
+    # The law of cosines: what of the first bone lies along reach.
+    part = (first + d * d - second) / (2 * d)
+    height = min(math.sqrt(max(first - part * part, 0.0)), width + BEND)
+    part = math.copysign(math.sqrt(first - height * height), part)
+    u, w = part / d, height / width
+    return u * reach[0] + w * aside[0], u * reach[1] + w * aside[1], u * reach[2] + w * aside[2]
+
+
+@_jit
+def _vector(row):
+    return row[0], row[1], row[2]
+
+
+@_jit
+def _minus(u, v):
+    return u[0] - v[0], u[1] - v[1], u[2] - v[2]
 
 
 @_jit

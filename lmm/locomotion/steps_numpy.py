@@ -8,7 +8,7 @@ from features import trajectory as ground_plane
 from mm.kernels_numpy import push_out
 from motion import quat, springs
 
-from .steps import NOWHERE
+from .steps import BEND, NOWHERE, POINT
 from .window import ASIDE, FUTURE, GAITS, PRESENT, SAMPLES, SIDES
 
 
@@ -93,8 +93,10 @@ def move_joints(c, s, positions, velocities, joints, kept):
     kept[:] = velocities
 
 
-def put_pose(c, fps, parents, offsets, stretch, joints, turned, positions, rotations, velocities, angular):
+def put_pose(c, fps, parents, offsets, aims, joints, turned, positions, rotations, velocities, angular):
     """See `lmm.locomotion.steps.put_pose`; of all characters."""
+    if len(aims):
+        turned = _keep_lengths(parents, offsets, aims, joints, turned)
     new_positions, new_rotations = positions.copy(), rotations.copy()
     new_positions[:, 0], new_rotations[:, 0] = _frames(c["root"], c["height"])
     for j in range(1, len(parents)):
@@ -104,12 +106,45 @@ def put_pose(c, fps, parents, offsets, stretch, joints, turned, positions, rotat
             back = quat.inv(turned[:, p])
             new_rotations[:, j] = quat.mul(back, turned[:, j - 1])
             new_positions[:, j] = offsets[j]
-            if stretch:
+            if not len(aims):
                 new_positions[:, j] = quat.rotate(back, joints[:, j - 1] - joints[:, p])
     velocities[:] = (new_positions - positions) * fps
     angular[:] = quat.log(quat.shortest(quat.mul(new_rotations, quat.inv(rotations)))) * fps
     positions[:], rotations[:] = new_positions, new_rotations
     c["shown"], c["shown_height"] = c["root"], c["height"]
+
+
+def _keep_lengths(parents, offsets, aims, joints, turned):
+    """Rotations [N, J, 4] turned for their aims; see `lmm.locomotion.steps`."""
+    turned, places = turned.copy(), joints.copy()
+    for j, (end, far) in list(enumerate(aims))[1:]:
+        p, q = parents[j] - 1, turned[:, j - 1]
+        if p >= 0:
+            places[:, j - 1] = places[:, p] + quat.rotate(turned[:, p], offsets[j])
+        if end < 0:
+            continue
+        way = joints[:, end - 1] - places[:, j - 1]
+        if far >= 0:
+            way = _bent(
+                way, joints[:, far - 1] - places[:, j - 1], *np.linalg.norm(offsets[[end, far]], axis=-1)
+            )
+        known = (way**2).sum(axis=-1) > POINT
+        swing = quat.between(quat.rotate(q[known], offsets[end]), way[known])
+        turned[known, j - 1] = quat.mul(swing, q[known])
+    return turned
+
+
+def _bent(way, reach, first, second):
+    """Ways [N, 3] of the first of two bones of these lengths; see `lmm.locomotion.steps`."""
+    distance = np.sqrt(np.maximum((reach**2).sum(axis=-1, keepdims=True), POINT))
+    ahead = reach / distance
+    aside = way - (way * ahead).sum(axis=-1, keepdims=True) * ahead
+    width = np.linalg.norm(aside, axis=-1, keepdims=True)
+    part = (first**2 + distance**2 - second**2) / (2 * distance)
+    height = np.minimum(np.sqrt(np.maximum(first**2 - part**2, 0)), width + BEND)
+    along = np.copysign(np.sqrt(first**2 - height**2), part)
+    bent = along * ahead + height * aside / np.maximum(width, POINT)
+    return np.where(width < POINT, way, bent)
 
 
 def _frames(roots, heights):

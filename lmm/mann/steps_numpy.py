@@ -47,9 +47,10 @@ def stand(characters, heights):
     characters["height"] = heights[:, :, 1].mean(axis=1)
 
 
-def show(characters, y, out, settings, parents, offsets, stretch, contact_columns, joints, velocities, axes,
-         positions, rotations, local_velocities, local_angular, contacts, world_rotations):  # fmt: skip
-    """See `lmm.mann.steps.show`; world_rotations is left alone."""
+def show(characters, y, out, settings, parents, offsets, aims, contact_columns, joints, velocities, axes,
+         positions, rotations, local_velocities, local_angular, contacts, world_rotations,
+         places):  # fmt: skip
+    """See `lmm.mann.steps.show`; scratch is left alone."""
     s, c, count = settings[0], characters, joints.shape[1]
     now, turned, velocity = (
         y[:, start : start + size * count].reshape(-1, count, size)
@@ -58,7 +59,7 @@ def show(characters, y, out, settings, parents, offsets, stretch, contact_column
     move_joints(c, s, now, velocity, joints, velocities)
     turned = from_axes(turned)
     axes[:] = to_axes(turned)
-    put_pose(c, 1 / s["dt"], parents, offsets, stretch, joints, turned, positions, rotations,
+    put_pose(c, 1 / s["dt"], parents, offsets, aims, joints, turned, positions, rotations,
              local_velocities, local_angular)  # fmt: skip
     contacts[:, : len(contact_columns)] = y[:, out[2] + contact_columns] > 0.5
 

@@ -41,12 +41,14 @@ def write_heights(characters, heights, into, x):
 
 
 @_jit
-def show(characters, y, out, settings, parents, offsets, stretch, contact_columns, joints, velocities,
-         positions, rotations, local_velocities, local_angular, contacts, world_rotations):  # fmt: skip
+def show(characters, y, out, settings, parents, offsets, aims, contact_columns, joints, velocities,
+         positions, rotations, local_velocities, local_angular, contacts, world_rotations,
+         places):  # fmt: skip
     """Turn outputs y [N, O] into poses [N, J + 1, ..] and contacts [N, C]; joint 0 is the root, in the world.
 
     Joints are those put out mixed with the last frame's [N, J, 3] moved on; both are written back. parents
-    [J + 1] and offsets [J + 1, 3] are the skeleton's; world_rotations [J, 4] is scratch.
+    [J + 1], offsets [J + 1, 3] and aims see `lmm.locomotion.steps.put_pose`; world_rotations [J, 4] and
+    places [J, 3] are scratch.
     """
     s, count = settings[0], joints.shape[1]
     for i in range(len(characters)):
@@ -59,7 +61,7 @@ def show(characters, y, out, settings, parents, offsets, stretch, contact_column
             for a in range(4):
                 world_rotations[j, a] = q[a]
         put_pose(
-            i, c, 1 / s.dt, parents, offsets, stretch, joints[i], world_rotations, positions, rotations,
+            i, c, 1 / s.dt, parents, offsets, aims, joints[i], world_rotations, places, positions, rotations,
             local_velocities, local_angular,
         )  # fmt: skip
         for k in range(len(contact_columns)):

@@ -19,13 +19,14 @@ def write_heights(characters, heights, into, x):
     x[:, into[5] : into[5] + SIDES * SAMPLES] = over.reshape(len(x), -1)
 
 
-def show(characters, y, out, settings, parents, offsets, stretch, contact_columns, joints, velocities,
-         positions, rotations, local_velocities, local_angular, contacts, world_rotations):  # fmt: skip
-    """See `lmm.pfnn.steps.show`; world_rotations is left alone."""
+def show(characters, y, out, settings, parents, offsets, aims, contact_columns, joints, velocities,
+         positions, rotations, local_velocities, local_angular, contacts, world_rotations,
+         places):  # fmt: skip
+    """See `lmm.pfnn.steps.show`; scratch is left alone."""
     s, c, count = settings[0], characters, joints.shape[1]
     now, velocity, turned = (y[:, start : start + 3 * count].reshape(-1, count, 3) for start in out[6:9])
     move_joints(c, s, now, velocity, joints, velocities)
-    put_pose(c, 1 / s["dt"], parents, offsets, stretch, joints, quat.exp(2 * turned), positions, rotations,
+    put_pose(c, 1 / s["dt"], parents, offsets, aims, joints, quat.exp(2 * turned), positions, rotations,
              local_velocities, local_angular)  # fmt: skip
     contacts[:] = y[:, out[3] + contact_columns] > 0.5
 
