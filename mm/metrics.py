@@ -301,25 +301,36 @@ def nearest_on_path(
     positions [T, ..., 2], path [P, 2]; the direction [T, ...] is an angle, atan2(x, z). A frame's nearest
     point is sought between window[0] metres before and window[1] metres after the last frame's, measured
     along the path, so that where a path crosses itself or doubles back the other branch does not count.
-    The first frame's point is the nearest of all. A path that ends where it began goes round.
+    The first frame's point is the nearest of all; who begins where two branches meet is on the one to which
+    they keep. A path that ends where it began goes round.
     """
     points, closed = _respace(np.asarray(path, np.float64), spacing)
     positions = np.asarray(positions, np.float64)
     flat = positions.reshape(len(positions), -1, 2)
     count, step = len(points), np.linalg.norm(points[1] - points[0])
     offsets = np.arange(-int(window[0] / step), int(window[1] / step) + 1)
-    at = np.empty(flat.shape[:2], np.int64)
-    for t, here in enumerate(flat):
-        if t == 0:
-            candidates = np.broadcast_to(np.arange(count), (len(here), count))
-        else:
-            candidates = at[t - 1][:, None] + offsets
-            candidates = candidates % count if closed else np.clip(candidates, 0, count - 1)
-        squares = np.sum((points[candidates] - here[:, None]) ** 2, axis=-1)
-        at[t] = np.take_along_axis(candidates, np.argmin(squares, axis=-1)[:, None], axis=-1)[:, 0]
+    within = (lambda at: at % count) if closed else (lambda at: np.clip(at, 0, count - 1))
+
+    def follow(first: NDArray[np.int64]) -> tuple[NDArray[np.int64], Array]:
+        at, squares = np.empty(flat.shape[:2], np.int64), np.empty(flat.shape[:2])
+        for t, here in enumerate(flat):
+            candidates = within(at[t - 1][:, None] + offsets) if t else first[:, None]
+            away = np.sum((points[candidates] - here[:, None]) ** 2, axis=-1)
+            best = np.argmin(away, axis=-1)[:, None]
+            at[t], squares[t] = (np.take_along_axis(a, best, axis=-1)[:, 0] for a in (candidates, away))
+        return at, squares.sum(axis=0)
+
+    away = np.linalg.norm(points - flat[0][:, None], axis=-1)
+    first = np.argmin(away, axis=-1)
+    at, off = follow(first)
+    for i, nearest in enumerate(first):
+        away[i, within(nearest + offsets)] = np.inf
+    near = away.min(axis=-1) < window[0]
+    if np.any(near):
+        others, further = follow(np.where(near, np.argmin(away, axis=-1), first))
+        at = np.where(further < off, others, at)
     # The exact nearest point lies on one of the two short segments that meet at the point found.
-    other = [at + side for side in (-1, 1)]
-    other = [o % count if closed else np.clip(o, 0, count - 1) for o in other]
+    other = [within(at + side) for side in (-1, 1)]
     distance = np.minimum(*(_distance_to_segment(flat, points[at], points[o]) for o in other))
     along = points[other[1]] - points[other[0]]
     shape = positions.shape[:-1]

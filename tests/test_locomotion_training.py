@@ -159,8 +159,8 @@ def test_a_run_in_training_goes_on_from_what_was_put_out(data, stage) -> None:
 
 
 def test_noise_moves_inputs_as_far_as_they_vary(kind, stage) -> None:
-    """By half a deviation of their block at most, in metres and not as they count; what is asked for is off by
-    a tenth, and gaits stay."""
+    """By half a deviation of their block at most, in metres and not as they count; by a tenth of it what is
+    asked for, and gaits not at all."""
     stage.begin()
     layout, known = stage._data.layout, stage.network.input_std
     off = (stage._noise * known).numpy()

@@ -232,6 +232,16 @@ def test_nearest_point_is_windowed_where_a_path_doubles_back():
     np.testing.assert_allclose(np.abs(direction[10:]), np.pi, atol=1e-9)
 
 
+@pytest.mark.parametrize("lobe", [1, -1])
+def test_who_begins_at_a_crossing_is_on_the_branch_that_it_keeps_to(lobe):
+    angle = np.linspace(0, 2 * np.pi, 400)
+    left = 2 * np.stack([1 - np.cos(angle), np.sin(angle)], axis=-1)
+    path = np.concatenate([left, left * [-1, 1]])
+    walked = left[:300] * [lobe, 1] + [0.001, 0.001]
+    distance, _ = metrics.nearest_on_path(walked, path)
+    assert distance.max() < 0.01
+
+
 def test_nearest_point_goes_round_a_closed_path():
     angle = np.linspace(0, 4 * np.pi, 2001)  # two laps, 10 cm outside
     circle = np.stack([np.sin(angle), np.cos(angle)], axis=-1)
