@@ -61,7 +61,7 @@ def test_who_puts_out_these_frames_plays_the_clip(
 
     It also remembers and predicts what the inputs of the frame to come say.
     """
-    settings = LocomotionSettings(joint_smoothing=0.0, foot_lock=False)
+    settings = LocomotionSettings(joint_smoothing=0.0, adjustment_ratio=0.0, foot_lock=False)
     controller, command = CONTROLLERS[model.family](model, settings=settings), Command.still(1)
     command.velocity[0] = 0, 2  # who stands does not go
     c, inputs = controller.characters, model.layout.inputs
