@@ -22,7 +22,9 @@ MOVING, FEWEST = 0.25, 10  # the root's speed, m/s, and the frames from which a 
 # Ways out of the ground to the side: metres, and to how many sides.
 ASIDE, DIRECTIONS = (0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2), 12
 SMOOTHING = 0.2  # seconds over which the root's speed and heading are averaged
-PATH_WINDOW = (0.5, 1.5)  # metres back and ahead along the path that the next frame's nearest point may lie
+# Metres back and ahead along the path that the next frame's nearest point may lie: a runner may turn nearly
+# 2 m before a sharp corner, and then has gone over to the way behind it.
+PATH_WINDOW = (0.5, 6.0)
 
 
 @dataclass(frozen=True)

@@ -232,6 +232,18 @@ def test_nearest_point_is_windowed_where_a_path_doubles_back():
     np.testing.assert_allclose(np.abs(direction[10:]), np.pi, atol=1e-9)
 
 
+@pytest.mark.parametrize("before", [0.5, 1.2, 1.9])
+def test_who_turns_before_a_sharp_corner_has_gone_over_to_the_way_behind_it(before):
+    turn = np.radians(123)
+    corner, back = np.array([0.0, 20.0]), np.array([np.sin(turn), np.cos(turn)])
+    path = np.stack([np.zeros(2), corner, corner + 20 * back])
+    ahead = np.stack([np.zeros(400), np.linspace(0, 20 - before, 400)], axis=-1)
+    aside = ahead[-1] + np.linspace(0, 15, 300)[:, None] * back  # beside the way back from then on
+    distance, direction = metrics.nearest_on_path(np.concatenate([ahead, aside]), path)
+    assert distance[-1] == pytest.approx(before * np.sin(turn))
+    assert direction[-1] == pytest.approx(turn)
+
+
 @pytest.mark.parametrize("lobe", [1, -1])
 def test_who_begins_at_a_crossing_is_on_the_branch_that_it_keeps_to(lobe):
     angle = np.linspace(0, 2 * np.pi, 400)
