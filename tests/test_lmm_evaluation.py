@@ -377,13 +377,18 @@ def test_extremes_by_hand(database, exact):
     poses.positions[0, 0, 2] += 0.05
     assert seen.see(inside - np.array([[0, 2, 0], [0, 0, 7]], np.float32), poses, 60)
     assert seen.bone == pytest.approx(3, rel=1e-3) and seen.speed == pytest.approx(3, rel=1e-3)
+    assert seen.hips == 0
+    hips = np.linalg.norm(database.poses.positions[:, 1], axis=-1)
+    poses.positions[1, 1] *= (hips.min() - 0.04) / np.linalg.norm(poses.positions[1, 1])
+    assert seen.see(inside, poses, 60)
+    assert seen.hips == pytest.approx(4, rel=1e-3) and seen.bone == pytest.approx(3, rel=1e-3)
     np.testing.assert_allclose(seen.excess(), [0, 0.5, 0])  # 1 below a range of 2; no range, no share
     assert seen.outside == -1
     assert seen.see(inside + np.array([2, 0, 0], np.float32), poses, 60)
     np.testing.assert_allclose(seen.excess(), [1, 0.5, 0])
-    assert seen.outside == 3
+    assert seen.outside == 4
     poses.rotations[0, 3, 2] = np.nan
-    assert not seen.see(inside, poses, 60) and seen.broken == 4
+    assert not seen.see(inside, poses, 60) and seen.broken == 5
 
 
 def test_what_stands_still_lasts_and_what_grows_is_caught(database, exact):

@@ -175,13 +175,14 @@ class Extremes:
         self._low, self._high = low, high
         lengths = bone_lengths(database.poses.positions)
         self._shortest, self._longest = lengths.min(axis=0), lengths.max(axis=0)
+        self._hips = np.array(database.skeleton.parents[1:]) == 0  # hung on the root by no bone
         velocity = database.poses.velocities[:, 0][:, [0, 2]]
         self.data_speed = float(np.linalg.norm(velocity, axis=-1).max())
         spans = high - low if spans is None else spans
         self._span = np.where(spans > 0, spans, np.inf).astype(np.float64)
         self.frames, self.broken, self.outside = 0, -1, -1
         self.below, self.above = np.full_like(self._low, np.inf), np.full_like(self._low, -np.inf)
-        self.bone, self.speed = 0.0, 0.0
+        self.bone, self.hips, self.speed = 0.0, 0.0, 0.0
         self._before: Array | None = None
 
     def see(self, states: Array, poses: Poses, fps: float) -> bool:
@@ -196,8 +197,9 @@ class Extremes:
         if self.outside < 0 and self.excess().max() > MARGIN:
             self.outside = self.frames
         lengths = bone_lengths(poses.positions)
-        off = np.maximum(lengths - self._longest, self._shortest - lengths)
-        self.bone = max(self.bone, 100 * float(off.max(initial=0)))
+        off = 100 * np.maximum(lengths - self._longest, self._shortest - lengths)
+        self.hips = max(self.hips, float(off[:, self._hips].max(initial=0)))
+        self.bone = max(self.bone, float(off[:, ~self._hips].max(initial=0)))
         root = poses.positions[:, 0][:, [0, 2]].astype(np.float64)
         if self._before is not None:
             self.speed = max(self.speed, fps * float(np.linalg.norm(root - self._before, axis=-1).max()))
@@ -228,7 +230,8 @@ def endure(
 
     state_excess : the furthest that a state's column went beyond its range in the training data, as a share
         of that range; at most 0.5 passes, and outside_s is when it was first exceeded.
-    bone_excess_cm : the most that a bone was longer or shorter than ever in the data; at most 1 cm passes.
+    bone_excess_cm, hips_excess_cm : the most that a bone was longer or shorter, and that the hips were
+        further from the root on the ground or nearer to it, than ever in the data; at most 1 cm passes.
     speed_mps : the fastest of any root, at most 1.5 times that of the data, data_speed_mps.
     stall_s : see `mm.metrics.longest_stall`.
     finite : whether all states and poses were numbers; broken_s, when they were not.
@@ -254,7 +257,7 @@ def last(
     states: Callable[[], Array],
     ranges: tuple[Array, ...],
     columns: Sequence[str],
-    loose_cm: float = LOOSE_CM,
+    hips_loose_cm: float = LOOSE_CM,
     seconds: float = 600.0,
     seed: int = 1,
     progress: Callable[..., Iterator[int]] = console.silent,
@@ -262,7 +265,7 @@ def last(
     """What `endure` finds, of any system that tells its poses.
 
     states gives what the system goes on from, [N, K], ranges what `Extremes` needs of it, columns its names.
-    Bones may be loose_cm longer or shorter than in the data.
+    The hips may be hips_loose_cm further from the ground, or nearer to it, than in the data.
     """
     characters, skeleton = driven.count, driven.skeleton
     course = queries.random_user(database, seconds * characters, seed=seed)
@@ -293,13 +296,15 @@ def last(
         "state_excess": float(excess.max()),
         "state_excess_column": columns[int(excess.argmax())],
         "bone_excess_cm": seen.bone,
+        "hips_excess_cm": seen.hips,
         "speed_mps": seen.speed,
         "data_speed_mps": seen.data_speed,
         "stall_s": metrics.longest_stall(feet[:done], root[:done], asked, driven.fps),
         "passed": bool(
             finite
             and excess.max() <= MARGIN
-            and seen.bone <= loose_cm
+            and seen.bone <= LOOSE_CM
+            and seen.hips <= hips_loose_cm
             and seen.speed <= HASTE * seen.data_speed
         ),
     }

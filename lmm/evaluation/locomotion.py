@@ -171,7 +171,7 @@ def endure(
 ) -> dict[str, Any]:
     """`driving.last` of a network whose feet are free: does it leave the data, or die out?
 
-    Bones may be of any length, joints are shown where it puts them. Who takes no step for 10 s does not pass.
+    Hips may be at any height: they are where it puts them. Who takes no step for 10 s does not pass.
     """
     (_, make), *_ = models.controllers(model).items()
     driven = make(count=plan.characters, settings=LocomotionSettings(foot_lock=False))
@@ -187,7 +187,7 @@ def endure(
         states=joints,
         ranges=_ranges(database),
         columns=[f"{name} {axis}" for name in skeleton.names[1:] for axis in "xyz"],
-        loose_cm=np.inf,
+        hips_loose_cm=np.inf,
         seconds=60 * plan.minutes,
         seed=seed,
         progress=progress,

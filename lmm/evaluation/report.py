@@ -238,8 +238,9 @@ def lasting(run: dict[str, Any]) -> str:
     beyond, column = 100 * run["state_excess"], run["state_excess_column"]
     return (
         f"{who} for {run['minutes']:.3g} minutes: states at most {beyond:.0f} % of a column's range beyond "
-        f"it ({column}), bones off by at most {run['bone_excess_cm']:.2f} cm, roots at most "
-        f"{run['speed_mps']:.2f} m/s (data: {run['data_speed_mps']:.2f}), {_stalled(run)}: "
+        f"it ({column}), bones off by at most {run['bone_excess_cm']:.2f} cm, hips by "
+        f"{run['hips_excess_cm']:.2f}, roots at most {run['speed_mps']:.2f} m/s "
+        f"(data: {run['data_speed_mps']:.2f}), {_stalled(run)}: "
         f"{'passed' if run['passed'] else 'not passed'}"
     )
 
