@@ -37,6 +37,7 @@ WIDE = 10  # times the least number is the greatest where an axis is logarithmic
 SMALL = 0.01  # of the largest memory: parts that no system has more of are not told apart
 POINTS = 800  # of a line over time, at most
 ROOM, LETTER, GAP = 0.03, 0.0115, 0.014  # of the axes: between two labels, of a letter, beside a point
+LONGEST = 48  # letters of a name in a legend of two columns
 FEW = 12  # points of a figure that all bear their names
 # What is wanted of a system beside what a frame of it costs.
 WORTH = (
@@ -332,6 +333,7 @@ def groups(traces: Sequence[Trace], *, poses: bool = True) -> list[list[Trace]]:
 def label(group: Sequence[Trace]) -> str:
     """Names of systems that did the same, as a legend shows them."""
     first, *others = [trace.system for trace in group]
-    if len(others) > 1:
-        return f"{first} and {len(others)} others alike"
-    return " = ".join([first, *others])
+    whole = " = ".join([first, *others])
+    if len(others) < 2 and len(whole) <= LONGEST:
+        return whole
+    return f"{first} and {len(others)} other{'s' * (len(others) > 1)} alike" if others else first

@@ -391,7 +391,12 @@ def test_equal_walks_are_drawn_once(matched):
     circle = [t for t in matched.traces if t.course == "circle"]
     assert len(plots.groups(circle, poses=False)) == 1
     assert len(plots.groups(circle)) == 2  # the feet differ
-    assert plots.label(plots.groups(circle, poses=False)[0]) == "mm-brute = mm-brute-free"
+    alike = plots.groups(circle, poses=False)[0]
+    assert plots.label(alike) == "mm-brute = mm-brute-free"
+    assert plots.label(alike[:1]) == "mm-brute"
+    assert plots.label([*alike, alike[0]]) == "mm-brute and 2 others alike"
+    long = [replace(trace, system=f"{trace.system}-{'x' * 20}") for trace in alike]
+    assert plots.label(long) == f"mm-brute-{'x' * 20} and 1 other alike"
 
 
 def test_a_strip_looks_at_the_character_from_its_right():
