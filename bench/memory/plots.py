@@ -93,4 +93,5 @@ def _named(rows: pd.DataFrame) -> NDArray[np.bool_]:
     alone = "-D" if names.str.endswith("-D").sum() == 1 else "-PSD"
     plain = names.isin(["mm-exact", "mm-exact-float16"]) | names.str.endswith(alone)
     networks = (rows["error"] == "one step") & ~names.str.endswith(tuple(filter(None, ENDINGS.values())))
-    return (plain | networks).to_numpy()
+    twins = rows["system"].str.endswith("-free") & names.isin(rows["system"])  # at the place of who is named
+    return ((plain | networks) & ~twins).to_numpy()
