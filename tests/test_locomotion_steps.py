@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pfnn_models
 import pytest
@@ -154,6 +156,20 @@ def test_samples_are_a_sixth_of_a_second_apart(fps: float, frames: int) -> None:
     np.testing.assert_allclose(turns, np.arange(1, 6) / 6, rtol=1e-6)  # bias 1: in proportion to time
     total = sum(i / (6 * frames) for i in range(1, 5 * frames + 1))
     assert sums.sum() == pytest.approx(total, rel=1e-6)
+
+
+@pytest.mark.parametrize("fps", [30.0, 60.0, 120.0])
+@pytest.mark.parametrize("kind", MODELS)
+def test_joints_are_followed_as_fast_at_any_rate(kind: str, fps: float) -> None:
+    model = MODELS[kind](fps=fps)
+    still = replace(model.network, output_std=np.full(model.layout.output_size, 1e-6, np.float32))
+    controller = CONTROLLERS[kind](replace(model, network=still))
+    joints = controller._fed[0]
+    at_rest = joints.copy()
+    joints += 1  # metre
+    for _ in range(round(0.1 * fps)):
+        controller.step(Command.still(1))
+    np.testing.assert_allclose(joints - at_rest, 0.5**6, rtol=1e-3)  # half of it every 1/60 s
 
 
 def any_state(kind: str, *, compiled: bool, stretch: bool = True) -> LocomotionController:

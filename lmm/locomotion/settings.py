@@ -9,6 +9,7 @@ import numpy as np
 from mm.settings import check_numbers
 from motion.config import ConfigError
 
+RATE = 60  # frames a second that `joint_smoothing` is of
 SHIFT = 0.1  # m/s at least over which walk goes over to jog
 
 
@@ -31,7 +32,8 @@ class LocomotionSettings:
     adjustment_ratio : the root is drawn to the way asked, from aside, by at most this share of its own speed;
         characters of motion matching are by half. 0, as published, leaves the way to the network, which goes
         where the body faces rather than aside.
-    joint_smoothing : share of the last frame's joints, moved on by their velocities, in those shown.
+    joint_smoothing : share of the last frame's joints, moved on by their velocities, in those shown, of 60
+        frames a second as published; at other rates they are followed as fast in time.
     stretch : whether joints are shown where the network puts them, as published; else bones keep their
         length, and limbs are bent so that they end where it puts hands and feet (`lmm.locomotion.bones`).
     foot_lock, foot_halflife, unlock_radius, foot_height, body_radius : see `mm.settings.Settings`.
@@ -102,8 +104,9 @@ def record(
     """
     out = np.zeros(1, RECORD)
     out["jogs"], out["crouches"] = jogs, crouches
-    for name in ("stand_speed", "adjustment_ratio", "joint_smoothing", "body_radius"):
+    for name in ("stand_speed", "adjustment_ratio", "body_radius"):
         out[name] = getattr(settings, name)
+    out["joint_smoothing"] = settings.joint_smoothing ** (RATE / fps)
     for name in ("velocity", "facing", "gait", "crouch"):
         halflife = getattr(settings, f"{name}_halflife")
         out[f"{name}_share"] = 1 - 0.5 ** (1 / (fps * halflife)) if halflife > 0 else 1
