@@ -143,6 +143,27 @@ def test_a_missing_file_is_named(data: Path, tmp_path: Path) -> None:
         published.network(folder)
 
 
+@pytest.mark.parametrize("wrong", [0.0, -1.0])
+def test_what_inputs_cannot_be_divided_by_is_refused(data: Path, tmp_path: Path, wrong: float) -> None:
+    file = folder_with(data, tmp_path) / "Xstd.bin"
+    deviations = np.fromfile(file, "<f4")
+    deviations[7] = wrong
+    deviations.tofile(file)
+    with pytest.raises(UserError, match=r"Xstd.bin: number 8 is not above 0"):
+        published.network(file.parent)
+
+
+def test_any_of_the_published_animations_do_and_others_are_refused(data: Path, tmp_path: Path) -> None:
+    clip = data / "pfnn" / "animations" / "LocomotionFlat09_000.bvh"
+    shutil.copy(clip, tmp_path)  # without rest.bvh, which is left out where it is
+    assert len(published.describe(tmp_path).skeleton) == published.JOINTS + 1
+    network, dog = data / "reference" / "pfnn" / "network", tmp_path / "dog"
+    dog.mkdir()
+    shutil.copy(data / "dog_mann" / "D1_010_KAN01_002.bvh", dog)
+    with pytest.raises(UserError, match=r"dog: clips of 21 joints, but the published network moves 31"):
+        published.model(network, dog)
+
+
 def test_the_command(data: Path, model: PhaseModel, tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setattr(published, "describe", lambda animations: model.description)  # which takes longest
     folder, out = folder_with(data, tmp_path), tmp_path / "published.pfnn"

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mm.build import build
 from mm.description import Description
-from motion import files
+from motion import files, sources
 from motion.errors import UserError
 
 from ..locomotion.window import SIDES
@@ -37,7 +37,7 @@ WALK, RUN = 1.1, 1.9  # m/s, as it goes when it is asked for more
 def network(folder: str | os.PathLike[str], *, joints: int = JOINTS) -> PhaseNetwork:
     """The network of a folder's ``W*.bin``, ``b*.bin`` and statistics, converted to `lmm.pfnn.layout`.
 
-    A missing file, or one of another size, is a UserError.
+    A missing file, one of another size, or deviations that nothing can be divided by are a UserError.
     """
     folder, layout = Path(folder), Layout(joints)
     sizes = (layout.input_size, HIDDEN, HIDDEN, layout.output_size)
@@ -47,13 +47,17 @@ def network(folder: str | os.PathLike[str], *, joints: int = JOINTS) -> PhaseNet
         weights.append(np.ascontiguousarray(np.stack(found).swapaxes(1, 2)))
         biases.append(np.stack([read(folder / f"b{layer}_{k}.bin", outputs) for k in CONTROL_FILES]))
     into, out = unit_scales(layout)
+    divisors = read(folder / "Xstd.bin", sizes[0])
+    if not (divisors > 0).all():
+        what = f"number {int(np.argmin(divisors > 0)) + 1} is not above 0, and inputs are divided by it"
+        raise UserError(what, path=folder / "Xstd.bin", remedy="restore a whole copy of the file")
     order = np.arange(sizes[0])
     heights = layout.inputs["heights"]
     order[heights] = order[heights].reshape(SIDES, -1)[::-1].ravel()
     weights[0] = weights[0][:, order]
     statistics = {
         "input_mean": (read(folder / "Xmean.bin", sizes[0]) * into)[order],
-        "input_std": (read(folder / "Xstd.bin", sizes[0]) * into)[order],
+        "input_std": (divisors * into)[order],
         "output_mean": read(folder / "Ymean.bin", sizes[-1]) * out,
         "output_std": read(folder / "Ystd.bin", sizes[-1]) * out,
     }
@@ -100,12 +104,21 @@ def read(path: Path, *shape: int) -> NDArray[np.float32]:
 def model(network_folder: str | os.PathLike[str], animations: str | os.PathLike[str]) -> PhaseModel:
     """The published network with the skeleton, legs and speeds of the published animations (BVH, 120 fps)."""
     loaded = network(network_folder)  # first: what is wrong with it is told at once
-    return PhaseModel(description=describe(animations), network=loaded)
+    found = describe(animations)
+    joints = len(found.skeleton) - 1
+    if joints != JOINTS:
+        raise UserError(
+            f"clips of {joints} joints, but the published network moves {JOINTS}",
+            path=animations,
+            remedy="give the animations that were published with it",
+        )
+    return PhaseModel(description=found, network=loaded)
 
 
 def describe(animations: str | os.PathLike[str]) -> Description:
     """Skeleton and legs of a folder of the published animations; speeds are those that the network goes."""
-    database = build(animations, fps=FPS, source_unit=UNIT, mirror=False, exclude=("rest",))
+    exclude = tuple({"rest"}.intersection(map(sources.name_of, sources.find(animations))))
+    database = build(animations, fps=FPS, source_unit=UNIT, mirror=False, exclude=exclude)
     found = Description.of(database)
     legs = found.legs
     if legs is not None:
