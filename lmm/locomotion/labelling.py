@@ -56,7 +56,8 @@ def labels_of(
     ground is not what the database says, or there is to be a phase on all fours, that is a UserError.
     """
     if phase and any(role.endswith("hand") for role in database.contact_roles):
-        raise UserError("a database of bodies on all fours: phases are of two feet", remedy=_REMEDIES[True])
+        remedy = "build a database of people who walk, or train --model mann"
+        raise UserError("a database of bodies on all fours: phases are of two feet", remedy=remedy)
     found: dict[int, Labels] = {}
     left_out: dict[str, str] = {}
     for r in console.progress(range(len(database.names)), label="labelling", unit="ranges"):
