@@ -93,7 +93,8 @@ class Checkpoint:
         anew = "or remove the file to begin anew"
         if self.database != database:
             what = f"a training of another database ({self.database[:8]}, this is {database[:8]})"
-            raise UserError(what, path=path, remedy=f"give the one it was begun with, {anew}")
+            remedy = f"give the one it was begun with, its --labels and --terrain if it had any, {anew}"
+            raise UserError(what, path=path, remedy=remedy)
         told = differences(self.settings, settings)
         told = {name: both for name, both in told.items() if name not in FREE}
         if told:
