@@ -222,7 +222,11 @@ class LocomotionStage:
 
     def _fed_back(self, x: Tensor, y: Tensor) -> Tensor:
         """True inputs [N, I] with the joints that the network put out for the frame before, and with a
-        future between what it foresaw and the true one, as characters mix it with what is asked."""
+        future between what it foresaw and the true one.
+
+        Characters mix the increments of what is asked and foreseen, here it is positions; far samples then
+        lie nearer to the truth, by less than what noise adds to them.
+        """
         x = x.clone()
         into, out = self._joints
         x[:, into] = y[:, out]
