@@ -311,3 +311,42 @@ def test_grades_go_from_green_to_red() -> None:
     assert low[1] > low[0] and high[0] > high[1]
     np.testing.assert_array_equal(high, beyond)
     np.testing.assert_array_equal(colours.graded(np.nan), high)
+
+
+def test_what_is_of_a_search_is_made_once_for_it(members: dict[str, Member]) -> None:
+    member = members["mm"]
+    drawing, names = layers.Drawing(["match", *layers.OF_SEARCH]), set[str]()
+    searched, before = member.timeline.stack("searched"), dict[str, Layer]()
+    for step in range(100, 130):
+        moment = Moment(member, step / member.timeline.fps)
+        found = drawing.at(moment)
+        expected = layers.drawn(moment, ["match", *layers.OF_SEARCH])
+        assert found.keys() == expected.keys()
+        for name, layer in found.items():
+            standing = name.split()[0] in layers.OF_SEARCH
+            assert (layer is before.get(name)) == (standing and step > 100 and not searched[step])
+            if isinstance(layer, Lines | Points):
+                here = "points" if isinstance(layer, Lines) else "positions"
+                np.testing.assert_array_equal(getattr(layer, here), getattr(expected[name], here))
+        names, before = names | found.keys(), found
+    assert {name.split()[0] for name in names} == {"match", *layers.OF_SEARCH}
+    assert 1 < searched[101:130].sum() < 28
+
+
+def test_what_stands_is_moved_with_its_stage_and_hidden_where_it_is_not(members: dict[str, Member]) -> None:
+    """Going back to before the first search and on again shows what was shown."""
+    both = list(members.values())
+    marks = [offscreen.marks_of(member, ["features"]) for member in both]
+    stage = Stage([member.show for member in both], marks=marks)
+    stage.move_to(TIME)
+    name = "0 features query points"
+    points = stage.scene.layers[name]
+    assert isinstance(points, Points)
+    there = points.positions.copy()
+    stage.move_to(TIME + 1e-3)
+    np.testing.assert_array_equal(points.positions, there)
+    stage.move_to(TIME - 1.0)
+    assert np.abs(points.positions - there).max() > 0.05
+    stage.move_to(TIME)
+    assert points.visible
+    np.testing.assert_array_equal(points.positions, there)

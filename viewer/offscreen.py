@@ -60,11 +60,11 @@ def _stage(members: Sequence[Member], look: Look, over: Member | None = None) ->
 
 def marks_of(member: Member, shown: Sequence[str], *, over: Member | None = None) -> Marks:
     """What is drawn about a member at a time; over is another one that stands in its place, clear."""
-    wanted = [name for name in shown if name in layers.DRAWN]
+    drawing = layers.Drawing([name for name in shown if name in layers.DRAWN])
 
     def marks(time: float) -> Mapping[str, Layer]:
         moment = Moment(member, time)
-        found = layers.drawn(moment, wanted)
+        found = drawing.at(moment)
         if over is not None:
             found |= {
                 f"ghost {name}": layer for name, layer in ghost.over(moment, Moment(over, time)).items()

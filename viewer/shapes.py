@@ -53,7 +53,7 @@ def _faces(sections: int) -> NDArray[np.int64]:
 def smooth(vertices: Array, triangles: NDArray, colour: ArrayLike) -> Mesh:
     """A closed surface turned to the outside, with normals that are the mean of the faces around a vertex."""
     a, b, c = (vertices[triangles[:, i]] for i in range(3))
-    if np.sum(np.cross(a, b) * c) < 0:
+    if np.sum(_cross(a, b) * c) < 0:
         triangles = triangles[:, ::-1]
     found = normals(vertices, triangles).astype(np.float32)
     return Mesh(vertices.astype(np.float32), found, triangles, np.asarray(colour, np.float32))
@@ -62,11 +62,16 @@ def smooth(vertices: Array, triangles: NDArray, colour: ArrayLike) -> Mesh:
 def normals(vertices: Array, triangles: NDArray) -> Array:
     """Unit normals [V, 3]: the faces' around each vertex, by their areas."""
     a, b, c = (vertices[triangles[:, i]] for i in range(3))
-    faces = np.cross(b - a, c - a)
-    found = np.zeros_like(vertices)
-    for i in range(3):
-        np.add.at(found, triangles[:, i], faces)
+    faces, at = _cross(b - a, c - a), triangles.T.ravel()
+    sums = [np.bincount(at, np.tile(faces[:, i], 3), len(vertices)) for i in range(3)]
+    found = np.stack(sums, axis=-1)
     return found / np.maximum(np.linalg.norm(found, axis=-1, keepdims=True), 1e-30)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    # Arrows are made in every frame of a window; np.cross spends most of its time on generality.
+    x, y, z = (a[:, (i + 1) % 3] * b[:, (i + 2) % 3] - a[:, (i + 2) % 3] * b[:, (i + 1) % 3] for i in range(3))
+    return np.stack([x, y, z], axis=-1)
 
 
 def limb(

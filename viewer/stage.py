@@ -53,7 +53,7 @@ class Stage:
         if not shows:
             raise ValueError("no shows")
         self.shows, self.scene = list(shows), Scene(theme=theme)
-        self._marks, self._marked = list(marks), set[str]()
+        self._marks, self._marked = list(marks), dict[str, Layer]()
         self.tall = max(_height(show) for show in shows)
         self._turns, self._moves = self._places(lanes)
         self._leans = [_lean(show) for show in self.shows]
@@ -78,17 +78,15 @@ class Stage:
     def move_to(self, time: float) -> None:
         """Show the poses at a time, seconds, and what is drawn about them."""
         self._pose_at(time)
-        drawn = {
-            f"{i} {name}": placed(layer, self._turns[i], self._moves[i])
-            for i, marks in enumerate(self._marks)
-            if marks is not None
-            for name, layer in marks(time).items()
-        }
-        for name, layer in drawn.items():
-            put(self.scene.layers, name, layer)
-        for name in self._marked - drawn.keys():
+        marked = dict[str, Layer]()
+        for i, marks in enumerate(self._marks):
+            for name, layer in (marks(time) if marks is not None else {}).items():
+                marked[f"{i} {name}"] = layer
+                if layer is not self._marked.get(f"{i} {name}"):
+                    put(self.scene.layers, f"{i} {name}", placed(layer, self._turns[i], self._moves[i]))
+        for name in self._marked.keys() - marked.keys():
             self.scene.layers[name].visible = False
-        self._marked |= drawn.keys()
+        self._marked = marked
 
     def lay(self, i: int, ground: Surface) -> None:
         """Put a ground, of show i's own world, in place of the level one."""

@@ -6,6 +6,10 @@ not recorded. A stage puts them where the character stands (`placed`).
 
 from collections.abc import Callable, Mapping, Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
+from ..explain import Explanation
 from ..scene import Layer
 from . import candidates, contacts, features, terrain, trajectory
 from .moment import Moment
@@ -29,6 +33,8 @@ DRAWN: dict[str, tuple[str, Callable[[Moment], Drawn]]] = {
     "samples": ("where the ground's height is asked for", terrain.samples),
 }
 
+OF_SEARCH = ("features", "candidates", "boxes")  # those that stay as they are until the next search
+
 
 def drawn(moment: Moment, names: Sequence[str]) -> dict[str, Layer]:
     """The layers of some of `DRAWN` at a moment, by name."""
@@ -38,4 +44,32 @@ def drawn(moment: Moment, names: Sequence[str]) -> dict[str, Layer]:
     return found
 
 
-__all__ = ["DRAWN", "Drawn", "Moment", "drawn", "placed"]
+class Drawing:
+    """Some of `DRAWN`, moment by moment: what is of a search is made once, and given again until the next."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self._moving = [name for name in names if name not in OF_SEARCH]
+        self._standing = [name for name in names if name in OF_SEARCH]
+        self._search: tuple[dict[str, NDArray], Explanation | None] = {}, None
+        self._stood: dict[str, Layer] = {}
+
+    def at(self, moment: Moment) -> dict[str, Layer]:
+        """The layers at a moment, by name; those that are the same objects as before are unchanged."""
+        found = drawn(moment, self._moving)
+        if self._standing:
+            record = {} if moment.search is None else moment.search[0]
+            explanation = moment.explanation if {"candidates", "boxes"} & {*self._standing} else None
+            if explanation is not self._search[1] or not _same(record, self._search[0]):
+                self._stood = drawn(moment, self._standing)
+                self._search = record, explanation
+            found |= self._stood
+        return found
+
+
+def _same(one: Mapping[str, NDArray], other: Mapping[str, NDArray]) -> bool:
+    return one.keys() == other.keys() and all(
+        np.array_equal(one[name], other[name], equal_nan=one[name].dtype.kind == "f") for name in one
+    )
+
+
+__all__ = ["DRAWN", "Drawing", "Drawn", "Moment", "drawn", "placed"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -32,6 +33,7 @@ _LOOKS, _ROOM = 40, 1.5  # instants at which one looks what has to be seen; room
 AHEAD = 6.0  # seconds of several recordings that are seen from where one looks at first
 TOLD = 4.0  # seconds for which a line is told
 RATE = 15.0  # pictures a second where a processor draws
+TURN_ABOUT = 5e-4  # seconds that another thread's Python may keep a frame waiting; by default it is 5e-3
 
 
 class Window:
@@ -97,10 +99,12 @@ class Window:
 
     def run(self) -> None:
         """Until it is closed; what a frame raises is raised here, and an interrupt from the keyboard, too."""
-        before = signal.signal(signal.SIGINT, self._interrupt)
+        before, turns = signal.signal(signal.SIGINT, self._interrupt), sys.getswitchinterval()
+        sys.setswitchinterval(TURN_ABOUT)
         try:
             self._app.run()
         finally:
+            sys.setswitchinterval(turns)
             signal.signal(signal.SIGINT, before)
             self.players.close()
             self.pad.close()
