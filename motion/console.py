@@ -318,8 +318,15 @@ def _pace(each: float, unit: str) -> str:
     return f"{1 / each:.1f} {unit}/s" if 0 < each <= 1 else f"{each:,.{int(each < 100)}f} s each"
 
 
+def _interrupted(error: BaseException | None) -> bool:
+    """Whether an interrupt from the keyboard led to an error, as where it met compiled code being loaded."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
+
+
 def needs(extra: str, module: str) -> Callable[[Callable[..., T]], Callable[..., T]]:
-    """Decorator: a missing optional module becomes a UserError with the install hint."""
+    """Decorator: an optional module that is missing or broken becomes a UserError with the install hint."""
 
     def wrap(function: Callable[..., T]) -> Callable[..., T]:
         @functools.wraps(function)
@@ -327,9 +334,12 @@ def needs(extra: str, module: str) -> Callable[[Callable[..., T]], Callable[...,
             try:
                 __import__(module)
             except ImportError as error:
-                raise UserError(
-                    f"{module} is not installed", remedy=f"pip install 'motion-matching[{extra}]'"
-                ) from error
+                if _interrupted(error):
+                    raise KeyboardInterrupt from error
+                absent = isinstance(error, ModuleNotFoundError) and error.name == module
+                what = "is not installed" if absent else f"cannot be imported: {error}"
+                remedy = f"pip install 'motion-matching[{extra}]'"
+                raise UserError(f"{module} {what}", remedy=remedy) from error
             return function(*args, **kwargs)
 
         return inner

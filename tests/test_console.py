@@ -310,6 +310,26 @@ def test_a_missing_extra_names_the_install_command() -> None:
         window()
 
 
+@pytest.mark.parametrize(
+    ("source", "error", "said"),
+    [
+        # As compiled modules raise what happens while they are loaded.
+        ("try:\n    raise KeyboardInterrupt\nexcept BaseException as e:\n    raise ImportError('no') from e",
+         KeyboardInterrupt, None),
+        ("import no_such_module_at_all", UserError,
+         r"half cannot be imported: No module named 'no_such_module_at_all'; pip install"),
+        ("raise ImportError('libGL.so.1 is missing')", UserError, "half cannot be imported: libGL.so.1 is"),
+    ],
+)  # fmt: skip
+def test_an_extra_that_is_not_loaded_says_why(
+    source: str, error: type[BaseException], said: str | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "half.py").write_text(source)
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(error, match=said):
+        console.needs("viewer", "half")(lambda: None)()
+
+
 def test_a_present_extra_is_used() -> None:
     @console.needs("dev", "pytest")
     def answer(number: int) -> int:
