@@ -70,7 +70,9 @@ def normals(vertices: Array, triangles: NDArray) -> Array:
 
 def _cross(a: Array, b: Array) -> Array:
     # Arrows are made in every frame of a window; np.cross spends most of its time on generality.
-    x, y, z = (a[:, (i + 1) % 3] * b[:, (i + 2) % 3] - a[:, (i + 2) % 3] * b[:, (i + 1) % 3] for i in range(3))
+    x, y, z = (
+        a[:, (i + 1) % 3] * b[:, (i + 2) % 3] - a[:, (i + 2) % 3] * b[:, (i + 1) % 3] for i in range(3)
+    )
     return np.stack([x, y, z], axis=-1)
 
 
