@@ -27,8 +27,10 @@ from motion import bvh
 from motion.errors import UserError
 from viewer import explain
 from viewer.controls import on_course
+from viewer.scene import DARK
 from viewer.session import Session
 from viewer.timeline import Timeline
+from viewer.window import searches as pictures
 
 
 @pytest.fixture(scope="module")
@@ -284,3 +286,25 @@ def test_what_cannot_be_explained() -> None:
     del older.arrays["source"]
     with pytest.raises(UserError, match="record it again"):
         explain.at(Timeline.of_recording(older), 0.9, data)
+
+
+def test_a_search_is_drawn_with_each_candidates_costs_and_long_reasons_on_lines_of_their_own(
+    database: Database,
+) -> None:
+    timeline = drive(Controller(database), database, 2.0).actors["it"].timeline
+    found = explained(timeline, database, count=6)[-1]
+
+    def bars(width: int, height: int) -> np.ndarray:
+        """Where the candidates' costs by feature begin, from the top."""
+        picture = pictures.drawn(found, DARK, (width, height)).astype(int)
+        assert picture.shape == (height, width, 3)
+        shades = picture[:, 7].max(axis=-1) - picture[:, 7].min(axis=-1)
+        coloured = np.concatenate([[False], shades > 60])  # neither ink nor ground
+        return np.flatnonzero(coloured[1:] & ~coloured[:-1])
+
+    assert len(found.candidates) == 6
+    wide, narrow = bars(1400, 600), bars(160, 600)
+    assert len(wide) == len(narrow) == 6
+    assert len(set(np.diff(wide))) == 1
+    assert narrow[-1] > wide[-1] + 30
+    assert len(bars(1400, wide[3] + 20)) < 6  # those that there is room for

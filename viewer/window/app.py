@@ -28,6 +28,7 @@ from .watch import Watch
 
 SIDE, BELOW = 24, 4  # letters' heights that the tabs are wide, and the timeline is high
 BUTTONS = 34  # likewise, that the timeline's buttons take
+TITLES = 21  # likewise, that the tabs' titles take beside a scroll bar
 REFRESH = 0.1  # seconds after which numbers and pictures at the side are new
 _LOOKS, _ROOM = 40, 1.5  # instants at which one looks what has to be seen; room for who is driven
 AHEAD = 6.0  # seconds of several recordings that are seen from where one looks at first
@@ -246,7 +247,8 @@ class Window:
 
     def _lay_out(self, _: Any) -> None:
         room, em = self.window.content_rect, self.window.theme.font_size
-        wide, high = min(SIDE * em, room.width // 2), BELOW * em
+        titles = min(TITLES * em, 2 * room.width // 3)
+        wide, high = min(SIDE * em, max(room.width // 2, titles)), BELOW * em
         left, top = room.width - wide, room.height - high
         beneath = left < BUTTONS * em  # the timeline lies beneath the tabs, too
         self.scene.frame = gui.Rect(room.x, room.y, left, top)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +21,8 @@ NONE = "no search that could be explained: of a run that takes\nthe database tha
 def drawn(explanation: Explanation | None, theme: Theme, size: tuple[int, int], scale: float = 1.0) -> Image:
     """A picture of a size (width, height), uint8 [H, W, 3]; as many candidates as there is room for.
 
-    Of each: what became of it, its clip and time there, its cost, the reason; below that its cost by feature,
-    green where it is nothing, red where it is the dearest of all.
+    Of each: what became of it, its clip and time there, its cost, the reason, on a line of its own where it
+    is long; below that its cost by feature, green where it is nothing, red where it is the dearest of all.
     """
     from PIL import Image as pillow
     from PIL import ImageDraw, ImageFont
@@ -38,7 +38,8 @@ def drawn(explanation: Explanation | None, theme: Theme, size: tuple[int, int], 
     rows = [*explanation.candidates, *([explanation.answer] if explanation.answer else [])]
     top = max((float(each.costs.max()) for each in rows), default=0.0) or 1.0
     playing = f"to play on costs {explanation.playing_cost:.3g}; others must be below {explanation.bound:.3g}"
-    draw.text((6, 3), playing, font=bold, fill=ink)
+    large = bold if draw.textlength(playing, bold) <= width - 12 else font
+    draw.text((6, 3), playing, font=large, fill=ink)
     cells = np.linspace(6, width - 6, len(explanation.features) + 1)
     y = row + 6
     for k, name in enumerate(explanation.features):
@@ -47,26 +48,27 @@ def drawn(explanation: Explanation | None, theme: Theme, size: tuple[int, int], 
         draw.text((left, y + (k % 3) * row), words, font=font, fill=ink)
     y += 3 * row + 4
     for each in rows:
-        if y + 2 * row + 4 > height:
+        lines = _told(each, lambda words: bool(draw.textlength(words, font) <= width - 12))
+        if y + (len(lines) + 1) * row + 4 > height:
             break
-        _candidate(draw, each, (y, row, width), cells, top, font, ink)
-        y += 2 * row + 8
+        shade = {CHOSEN: colours.SOUGHT, PLAYING: colours.MATCHED}.get(each.verdict)
+        fill = ink if shade is None else _bytes((shade + np.array(ink) / 255) / 2)
+        for line in lines:
+            draw.text((6, y), fitting(line, font, width - 12), font=font, fill=fill)
+            y += row
+        for k, (cost, colour_of) in enumerate(zip(each.costs, colours.graded(each.costs / top), strict=True)):
+            draw.rectangle((cells[k], y, cells[k + 1] - 2, y + row), fill=_bytes(colour_of))
+            draw.text((cells[k] + 2, y + 1), f"{cost:.2f}", font=font, fill=(0, 0, 0))
+        y += row + 8
     return np.asarray(canvas)
 
 
-def _candidate(
-    draw: Any, each: Candidate, place: tuple, cells: NDArray, top: float, font: Any, ink: tuple
-) -> None:
-    y, row, width = place
-    shade = {CHOSEN: colours.SOUGHT, PLAYING: colours.MATCHED}.get(each.verdict)
+def _told(each: Candidate, fits: Callable[[str], bool]) -> list[str]:
+    """What is told of a candidate, on a line where it fits, else the reason on another one."""
     where = f"{each.clip}{' mirrored' if each.mirrored else ''} {each.seconds:.2f} s" if each.clip else ""
-    words = f"{each.cost:7.3g}  {each.verdict}  {where}: {each.reason}"
-    fill = ink if shade is None else _bytes((shade + np.array(ink) / 255) / 2)
-    draw.text((6, y), fitting(words, font, width - 12), font=font, fill=fill)
-    for k, (cost, colour_of) in enumerate(zip(each.costs, colours.graded(each.costs / top), strict=True)):
-        box = (cells[k], y + row, cells[k + 1] - 2, y + 2 * row)
-        draw.rectangle(box, fill=_bytes(colour_of))
-        draw.text((box[0] + 2, y + row + 1), f"{cost:.2f}", font=font, fill=(0, 0, 0))
+    head = f"{each.cost:7.3g}  {each.verdict}  {where}"
+    whole = f"{head}: {each.reason}"
+    return [whole] if fits(whole) else [head, f"          {each.reason}"]
 
 
 def _bytes(shade: NDArray) -> tuple[int, ...]:

@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 import open3d as o3d
+from numpy.typing import NDArray
 from open3d.visualization import gui
 
 from motion.errors import UserError
 
 from .. import export, layers, panel, views
 from ..controls import KEYS
-from ..scene import DARK
+from ..scene import DARK, colour, levels
 from ..tuning import Slider
 from . import searches
 from .players import Players
@@ -74,7 +75,7 @@ class Side:
         self.asking = False
         self._tuned = players.names[0] if players.names else ""
         self._settings = gui.WidgetProxy()
-        self._picture, self._plot = gui.ImageWidget(), gui.ImageWidget()
+        self._picture, self._plot = _blank(), _blank()
         self._room, self._room_before = (0, 0), (0, 0)
         for name, made in zip(
             TABS, (self._systems(), self._tuning(), self._show(), self._picture, self._plot), strict=True
@@ -126,8 +127,7 @@ class Side:
         picture = draw(size)
         room = np.broadcast_to(picture[-1, -1], (size[1], size[0], 3)).copy()
         room[: len(picture), : picture.shape[1]] = picture[:, : size[0]]
-        image: Any = o3d.geometry.Image  # its stubs do not know arrays for buffers
-        widget.update_image(image(room))
+        widget.update_image(_image(room))
 
     def _working(self) -> list[str]:
         return [f"{name}: being made anew" for name in self._players.workshop.busy]
@@ -315,6 +315,16 @@ class Side:
         dialog.set_on_done(done)
         self.asking = True
         self._window.show_dialog(dialog)
+
+
+def _image(picture: NDArray[np.uint8]) -> Any:
+    image: Any = o3d.geometry.Image  # its stubs do not know arrays for buffers
+    return image(picture)
+
+
+def _blank() -> Any:
+    """A picture that is still to come: of none Open3D would say in red that it could not be loaded."""
+    return gui.ImageWidget(_image(np.full((64, 64, 3), levels(colour(THEME.floor)), np.uint8)))
 
 
 def _button(words: str, what: Callable[[], None]) -> Any:
