@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from motion import quat
 from motion.clip import Clip
 from motion.errors import UserError
 from viewer import body, camera, film, shows, views
@@ -194,6 +195,21 @@ def test_a_strip_has_its_poses_side_by_side(straight: Stage) -> None:
     assert whole.shape == (80, 250, 3)
     for part in parts:
         assert abs((middle(part, "left") + middle(part, "right")) / 2 - 41.5) < 9
+
+
+def test_in_a_strip_poses_are_seen_whole_however_they_turned(walker_clips: list[Clip]) -> None:
+    """Upright ahead, then lying on the air to the left: seen from the side that is the widest pose."""
+    show = shows.of_clip(walker_clips[0])
+    hips, (ahead, left) = show.skeleton.roles["hips"], quat.from_yaw(np.array([0.0, np.pi / 2]))
+    show.rotations = show.rotations.copy()
+    show.rotations[:31, :, 0], show.rotations[31:, :, 0] = ahead, left
+    bent = quat.from_axis_angle(np.array([1.0, 0.0, 0.0]), np.array(np.pi / 2)).astype(np.float32)
+    show.rotations[31:, :, hips] = quat.mul(bent, show.rotations[31:, :, hips])
+    view = View(azimuth=np.pi / 2, elevation=0.1)
+    for part in views.strip(Stage([show]), [0.2, 0.8], (200, 200), view):
+        hue = np.ptp(part.astype(int), axis=-1) > 60  # of a body's sides
+        assert hue.sum() > 100
+        assert not hue[:, [0, 1, -2, -1]].any() and not hue[[0, -1]].any()
 
 
 def test_poses_that_are_no_numbers_are_not_seen_and_break_nothing(walker_clips: list[Clip]) -> None:

@@ -74,10 +74,10 @@ def strip(
     edges = np.round(np.linspace(0, size[0], len(times) + 1)).astype(int)
     wide = int(np.diff(edges).max())
     renderer = Renderer(wide, size[1], compiled=compiled)
-    here = replace(view, kind="follow")
-    whole = first_camera(stage, times, (wide, size[1]), here, marked=True)
+    here, cell = replace(view, kind="follow"), (wide, size[1])
+    far = max(first_camera(stage, [time], cell, here, marked=True).distance for time in times)
     for time, start, stop in zip(times, edges, edges[1:], strict=False):
-        eye = first_camera(stage, [time], (wide, size[1]), replace(here, distance=whole.distance))
+        eye = first_camera(stage, [time], cell, replace(here, distance=far))
         shine(stage, eye)
         light(stage, eye)
         image = renderer.render(stage.scene, eye)
