@@ -14,7 +14,7 @@ from PIL import Image
 from motion import quat
 from motion.clip import Clip
 from motion.errors import UserError
-from viewer import body, camera, film, shows, views
+from viewer import body, camera, film, shapes, shows, views
 from viewer.stage import Stage
 from viewer.views import View
 
@@ -210,6 +210,19 @@ def test_in_a_strip_poses_are_seen_whole_however_they_turned(walker_clips: list[
         hue = np.ptp(part.astype(int), axis=-1) > 60  # of a body's sides
         assert hue.sum() > 100
         assert not hue[:, [0, 1, -2, -1]].any() and not hue[[0, -1]].any()
+
+
+def test_what_reaches_beyond_the_joints_is_seen_too(walker_clips: list[Clip]) -> None:
+    show = shows.of_clip(walker_clips[0])
+    pole = shapes.capsule(np.zeros(3), np.array([0.0, 0.0, 1.2]), (0.05, 0.05), body.SIDES["left"])
+    head = np.array([show.skeleton.roles["head"]])
+    hat = np.concatenate([show.body.joints[show.body.joints != head], head])
+    parts = [p for j, p in zip(show.body.joints, show.body.parts, strict=True) if j != head]
+    show.body = body.Body(hat, (*parts, pole))
+    (image,) = views.film(Stage([show]), [0.5], (60, 120), View(azimuth=np.pi / 2, elevation=0.1))
+    ahead = np.ptp(image.astype(int), axis=-1) > 60
+    assert ahead[:, :25].sum() > 20  # it is there, to the left
+    assert not ahead[:, 0].any()
 
 
 def test_poses_that_are_no_numbers_are_not_seen_and_break_nothing(walker_clips: list[Clip]) -> None:

@@ -55,6 +55,7 @@ class Stage:
         self.shows, self.scene = list(shows), Scene(theme=theme)
         self._marks, self._marked = list(marks), dict[str, Layer]()
         self.tall = max(_height(show) for show in shows)
+        self._reach = max(_AROUND * self.tall, *map(_reach, shows))
         self._turns, self._moves = self._places(lanes)
         self._leans = [_lean(show) for show in self.shows]
         self.roots, self.yaws = np.zeros((0, 3)), np.zeros(0)
@@ -146,7 +147,8 @@ class Stage:
         """Corners [8, 3] of a box around characters' joints [N, J, 3] and their names."""
         low, high = positions.min(axis=(0, 1)), positions.max(axis=(0, 1))
         above = _ABOVE if self._names.visible else _AROUND
-        low, high = low - _AROUND * self.tall, high + np.array([_AROUND, above, _AROUND]) * self.tall
+        below, beside = _AROUND * self.tall, self._reach
+        low, high = low - [beside, below, beside], high + [beside, above * self.tall, beside]
         return np.asarray(low + _BOX * (high - low))
 
     def _dress(self, i: int, show: Show) -> None:
@@ -206,6 +208,22 @@ def _lean(show: Show) -> Array:
         stands, faces = _stance(show, positions[:1], rotations[:1])
         found.append(quat.rotate(quat.from_yaw(-faces), positions[:1].mean(axis=1) - stands)[0])
     return np.asarray(np.mean(found, axis=0) * np.array([1.0, 0.0, 1.0]))
+
+
+def _reach(show: Show) -> float:
+    """How far the first character's body reaches beyond its joints on the ground, metres: a muzzle does."""
+    found = [0.0]
+    for positions, rotations in _some(show):
+        meshes = []
+        for values in _looks(0, show, positions[:1], rotations[:1]).values():
+            if "mesh" in values:
+                meshes.append(values["mesh"].vertices)
+            else:
+                placing = zip(show.body.parts, values["transforms"][0], strict=True)
+                meshes += [part.vertices @ at[:, :3].T + at[:, 3] for part, at in placing]
+        vertices, joints = np.concatenate(meshes)[:, [0, 2]], positions[0][:, [0, 2]]
+        found += [*(vertices.max(axis=0) - joints.max(axis=0)), *(joints.min(axis=0) - vertices.min(axis=0))]
+    return float(max(found))
 
 
 def _height(show: Show) -> float:
