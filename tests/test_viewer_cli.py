@@ -56,6 +56,11 @@ def test_poses_become_a_strip(walker_files: Path, tmp_path: Path) -> None:
             ["--offscreen", "x.png", "--show", "bones"],
             "nothing is called 'bones' that could be shown; choose",
         ),
+        (["--offscreen", "x.png", "--show", "none,match"], "--show names things to draw, and none; leave"),
+        (
+            ["--offscreen", "x.png", "--filmstrip", "60", "--size", "100x90"],
+            "--size 100 is too narrow for 60 poses; give it 480 pixels or fewer poses",
+        ),
         (["--offscreen", "x.png", "--ghost"], "a ghost needs two characters, here is one; choose two"),
         (["--offscreen", "x.png", "--course", "thesis"], "nobody is driven over a course; give a database"),
         (["--fps", "30"], "--fps is nothing for a window; leave it out, or draw without one"),

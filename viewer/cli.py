@@ -25,6 +25,7 @@ RATES = {".gif": 25.0}
 VIEWS, CAMERAS = ("front", "side", "quarter", "back"), ("follow", "orbit", "fixed")
 COURSE, USUAL, NOTHING = "thesis", ("trajectory", "panel"), "none"
 PAST = 0.1  # seconds that are driven beyond the time of a picture
+LEAST = 8  # pixels that a pose of a strip is wide
 UNSEEN = ("filmstrip", "fps", "apart")  # in a window
 
 
@@ -246,6 +247,9 @@ def _check(
     form = film.suffix(offscreen) if offscreen else None
     if seen["filmstrip"] and form != ".png":
         raise UserError("a film strip is one picture", path=offscreen, remedy="name it *.png")
+    if seen["filmstrip"] and seen["size"] and seen["size"][0] < (wide := LEAST * seen["filmstrip"]):
+        remedy = f"give it {wide} pixels or fewer poses"
+        raise UserError(f"--size {seen['size'][0]} is too narrow for {seen['filmstrip']} poses", remedy=remedy)
     if export:
         exporting.check(export)
     for output in outputs:
@@ -255,6 +259,8 @@ def _check(
     for name in seen["show"] or ():
         if name not in DRAWABLE and name != NOTHING:
             raise UserError(f"nothing is called {name!r} that could be shown", remedy=_choices(DRAWABLE))
+        if name == NOTHING and len(seen["show"]) > 1:
+            raise UserError("--show names things to draw, and none", remedy="leave none out, or the others")
 
 
 def _until(seen: Any, outputs: list[str]) -> float | None:
