@@ -249,7 +249,9 @@ def _check(
         raise UserError("a film strip is one picture", path=offscreen, remedy="name it *.png")
     if seen["filmstrip"] and seen["size"] and seen["size"][0] < (wide := LEAST * seen["filmstrip"]):
         remedy = f"give it {wide} pixels or fewer poses"
-        raise UserError(f"--size {seen['size'][0]} is too narrow for {seen['filmstrip']} poses", remedy=remedy)
+        raise UserError(
+            f"--size {seen['size'][0]} is too narrow for {seen['filmstrip']} poses", remedy=remedy
+        )
     if export:
         exporting.check(export)
     for output in outputs:

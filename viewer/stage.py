@@ -147,8 +147,8 @@ class Stage:
         """Corners [8, 3] of a box around characters' joints [N, J, 3] and their names."""
         low, high = positions.min(axis=(0, 1)), positions.max(axis=(0, 1))
         above = _ABOVE if self._names.visible else _AROUND
-        below, beside = _AROUND * self.tall, self._reach
-        low, high = low - [beside, below, beside], high + [beside, above * self.tall, beside]
+        low = low - np.array([self._reach, _AROUND * self.tall, self._reach])
+        high = high + np.array([self._reach, above * self.tall, self._reach])
         return np.asarray(low + _BOX * (high - low))
 
     def _dress(self, i: int, show: Show) -> None:
