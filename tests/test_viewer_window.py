@@ -109,6 +109,23 @@ def test_the_picture_is_what_the_other_renderer_draws(folder: Path) -> None:
     assert np.abs(plain - seen).mean() < 12
 
 
+@opens
+def test_arrows_and_points_are_what_the_other_renderer_draws(folder: Path, told: dict[str, Any]) -> None:
+    plain, seen = (np.asarray(Image.open(folder / f"marked {name}.png")) for name in ("plain", "window"))
+    seen = seen[: plain.shape[0], : plain.shape[1]].astype(int)
+    there, here = (
+        picture[..., 1] > picture[..., [0, 2]].max(axis=-1) + 40 for picture in (plain.astype(int), seen)
+    )
+    assert there.sum() > 200
+    assert (there & here).sum() > 0.7 * there.sum() and here.sum() < 1.4 * there.sum()
+    x, y = (round(at) for at in told["marked"])
+    for picture in (plain, seen):  # the smaller of two points at one place is before the larger one
+        red, green, _ = picture[y, x]
+        assert red > 150 and green < 80
+        red, green, _ = picture[y, x + 9]
+        assert red > 150 and green > 120
+
+
 @pytest.mark.parametrize(
     ("missing", "says"), [("display", "there is no display"), ("open3d", "open3d is not installed")]
 )

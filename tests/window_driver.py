@@ -21,8 +21,9 @@ from PIL import Image, ImageGrab
 
 from mm.build import build
 from motion import bvh, console, dancecard
-from viewer import moments, sources, window
+from viewer import camera, moments, sources, window
 from viewer.raster import Renderer
+from viewer.scene import Arrows, Points
 from viewer.window.side import TABS
 
 SIZE = (640, 440)
@@ -199,6 +200,21 @@ class Script:
         size = shown.scene.frame.width, shown.scene.frame.height
         self.picture = Renderer(*size).render(shown.players.stage.scene, shown.camera)
         self.keep("plain")
+        layers, place = shown.players.stage.scene.layers, np.array(shown.camera.target)
+        for name, shade, dot in (("large", (1, 0.8, 0), 40.0), ("small", (0.8, 0, 0), 20.0)):
+            there = np.array(shade, np.float32)
+            layers[name] = Points(positions=place[None], colours=there, size=dot, through=0.9)
+        layers["arrows"] = Arrows(
+            origins=place + np.array([[0.5, 0.2, 0.3], [0.4, -0.4, 0.0]]),
+            vectors=np.array([[0.1, 0.5, 0.2], [0.1, 0.0, -0.04]]),
+            colours=np.array([0, 0.7, 0], np.float32),
+            radius=0.03,
+        )
+        told["marked"] = camera.project(shown.camera, place, *size)[0].tolist()
+        yield from self.settled()
+        self.keep("marked window")
+        self.picture = Renderer(*size).render(shown.players.stage.scene, shown.camera)
+        self.keep("marked plain")
         told["work"] = float(np.median(shown.watch.work))
         (self.folder / "told.json").write_text(json.dumps(told))
 

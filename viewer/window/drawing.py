@@ -1,14 +1,14 @@
 """Scenes drawn by Open3D: only what changed since the last frame is told to it.
 
-Moving a geometry takes 15 us and making one 0.2 ms or more, so rigid parts are made once and moved, and so
-are their shadows: copies of them pressed flat onto the ground along the light, as in the films of
-`viewer.raster`. What is seen through bodies is drawn nearer to the eye: shrunk around it, it looks the same,
-and lies before all.
+Moving a geometry takes 15 us and making one 0.2 ms or more, so rigid parts, balls and arrows are made once
+and moved, and so are the parts' shadows: copies of them pressed flat onto the ground along the light, as in
+the films of `viewer.raster`. What is seen through bodies is drawn nearer to the eye: shrunk around it, it
+looks the same, and lies before all.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cache
 from typing import Any
 
@@ -44,8 +44,12 @@ _UNEVEN = 0.75  # of its colours' light that uneven ground gives back: it faces 
 _LETTER = 0.5  # how wide letters are on average, in parts of their height
 _LIFT = 0.003  # metres by which shadows lie on the ground, and its lines half of that
 _BEFORE = 0.08  # how near what is seen through bodies is drawn, in parts of its distance
+_SHADES = 24  # levels of each of the three colours of points that have colours of their own
+_LARGE = 24.0  # pixels of the largest points
 _RINGS, _AROUND = 24, 48  # of the floor
 _STEP = 1.3  # ratio of one radius of the ground to the next
+_LINE = np.array([[0.0, 0, 0], [1, 0, 0]])  # ends of an arrow's parts, and half axes there
+_ROUND = np.array([[[0.0, 1, 0]] * 2, [[0.0, 0, 1]] * 2])
 
 
 class Drawing:
@@ -230,21 +234,17 @@ class _Parts(_Drawn):
 
 
 class _Whole(_Drawn):
-    """A surface or arrows: a geometry that is made anew when it changes."""
+    """A surface: a geometry that is made anew when it changes."""
 
-    layer: Surface | Arrows
+    layer: Surface
 
     def change(self, scene: Scene, eye: Camera) -> None:
         layer = self.layer
         self.clear()
-        if isinstance(layer, Arrows):
-            mesh, opacity = shapes.arrows(layer.origins, layer.vectors, layer.colours, layer.radius), 1.0
-        else:
-            mesh, opacity = layer.mesh, layer.opacity
+        mesh = layer.mesh
         if not len(mesh.triangles) or not np.isfinite(mesh.vertices).all():
             return
-        uneven = isinstance(layer, Surface) and layer.shaded
-        self.drawing.add(self.name, mesh_of(mesh), solid(opacity, _UNEVEN if uneven else 1.0))
+        self.drawing.add(self.name, mesh_of(mesh), solid(layer.opacity, _UNEVEN if layer.shaded else 1.0))
         if casts(layer, scene):
             shade = f"{self.name} shadow"
             self.drawing.add(shade, mesh_of(mesh, shade_of(scene)), material("defaultUnlit"))
@@ -255,23 +255,85 @@ class _Whole(_Drawn):
         self.drawing.remove(f"{self.name} shadow")
 
 
+class _Copies:
+    """A shape in several colours, and each of its copies a geometry that is moved: more are made only where
+    there were never so many."""
+
+    def __init__(self, drawing: Drawing, name: str, shape: Callable[[], Mesh], how: Any) -> None:
+        self._drawing, self._name, self._shape, self._how = drawing, name, shape, how
+        self._shades = np.zeros((0, 3), np.float32)
+
+    def show(self, transforms: Array, shades: Floats) -> None:
+        """Let there be a copy at each of the transforms [N, 4, 4], in colours [N, 3]."""
+        count, same = len(transforms), min(len(transforms), len(self._shades))
+        for k in range(count, len(self._shades)):
+            self._drawing.remove(f"{self._name} {k}")
+        changed = [*np.flatnonzero((shades[:same] != self._shades[:same]).any(axis=1)), *range(same, count)]
+        made: dict[bytes, Any] = {}
+        for k in changed:
+            key = shades[k].tobytes()
+            if key not in made:
+                made[key] = mesh_of(self._shape(), shades[k])
+            self._drawing.add(f"{self._name} {k}", made[key], self._how)
+        self._shades = np.array(shades, np.float32)
+        self.move(transforms)
+
+    def move(self, transforms: Array) -> None:
+        for k, transform in enumerate(transforms):
+            self._drawing.place(f"{self._name} {k}", transform)
+
+    def clear(self) -> None:
+        self.show(np.zeros((0, 4, 4)), np.zeros((0, 3), np.float32))
+
+
+class _Darts(_Drawn):
+    """Arrows: shafts and heads."""
+
+    layer: Arrows
+
+    def __init__(self, drawing: Drawing, name: str, layer: Arrows) -> None:
+        super().__init__(drawing, name, layer)
+        self._parts = [
+            _Copies(drawing, f"{name} {part}", shape, solid(1.0))
+            for part, shape in (("shafts", _shaft), ("heads", _head))
+        ]
+
+    def change(self, scene: Scene, eye: Camera) -> None:
+        layer = self.layer
+        lengths = np.linalg.norm(layer.vectors, axis=-1)
+        long = np.flatnonzero(np.isfinite(layer.origins).all(axis=1) & (lengths > 1e-6))
+        shades = np.broadcast_to(layer.colours, layer.origins.shape)[long]
+        placed = arrow_places(layer.origins[long], layer.vectors[long], layer.radius)
+        for part, transforms in zip(self._parts, placed, strict=True):
+            part.show(transforms, shades)
+
+    def clear(self) -> None:
+        for part in self._parts:
+            part.clear()
+
+
 class _Through(_Drawn):
     """What may be seen through bodies."""
 
     layer: Lines | Points
 
-    def follow(self, eye: Camera) -> None:
-        if self.layer.through > 0 and self.drawing.has(self.name):
-            nearer = np.eye(4) * [_BEFORE, _BEFORE, _BEFORE, 1.0]
-            nearer[:3, 3] = (1 - _BEFORE) * eye.position
-            self.drawing.place(self.name, nearer)
-
-    def clear(self) -> None:
-        self.drawing.remove(self.name)
+    def nearer(self, eye: Camera, share: float = 1.0) -> Array:
+        """Where it is drawn instead, [4, 4], at a share of the usual distance."""
+        near = _BEFORE * share if self.layer.through > 0 else 1.0
+        found = np.diag([near, near, near, 1.0])
+        found[:3, 3] = (1 - near) * eye.position
+        return found
 
 
 class _Strokes(_Through):
     """Lines."""
+
+    def follow(self, eye: Camera) -> None:
+        if self.drawing.has(self.name):
+            self.drawing.place(self.name, self.nearer(eye))
+
+    def clear(self) -> None:
+        self.drawing.remove(self.name)
 
     layer: Lines
 
@@ -294,24 +356,35 @@ class _Dots(_Through):
     """Points, as balls without shades."""
 
     layer: Points
-    _from = 1.0
+
+    def __init__(self, drawing: Drawing, name: str, layer: Points) -> None:
+        super().__init__(drawing, name, layer)
+        self._balls = _Copies(drawing, name, _ball, material("defaultUnlit"))
 
     def change(self, scene: Scene, eye: Camera) -> None:
-        layer = self.layer
-        self.clear()
-        self._from = eye.distance
-        known = np.asarray(np.isfinite(layer.positions).all(axis=1))
-        if known.any():
-            places = layer.positions[known]
-            pixel = self.drawing.pixels / focal(eye, max(self.drawing.widget.frame.height, 1))
-            radii = 0.5 * layer.size * pixel * np.linalg.norm(places - eye.position, axis=-1)
-            shades = np.broadcast_to(layer.colours, layer.positions.shape)[known]
-            self.drawing.add(self.name, mesh_of(_balls(places, radii, shades)), material("defaultUnlit"))
+        known = np.isfinite(self.layer.positions).all(axis=1)
+        shades = np.broadcast_to(self.layer.colours, self.layer.positions.shape)[known]
+        if self.layer.colours.ndim > 1:  # that may change in every frame, a little
+            shades = np.round(_SHADES * shades) / np.float32(_SHADES)
+        self._balls.show(self._places(eye), shades)
 
-    def show(self, scene: Scene, eye: Camera) -> None:
-        if not 0.9 < eye.distance / self._from < 1.1:
-            self._seen = None  # they are as large from nearer by
-        super().show(scene, eye)
+    def follow(self, eye: Camera) -> None:
+        self._balls.move(self._places(eye))
+
+    def _places(self, eye: Camera) -> Array:
+        """As large as they are to be seen from here [P, 4, 4]."""
+        layer = self.layer
+        places = layer.positions[np.isfinite(layer.positions).all(axis=1)]
+        pixel = self.drawing.pixels / focal(eye, max(self.drawing.widget.frame.height, 1))
+        found = np.zeros((len(places), 4, 4))
+        radii = 0.5 * layer.size * pixel * np.linalg.norm(places - eye.position, axis=-1)
+        found[:, [0, 1, 2], [0, 1, 2]] = radii[:, None]
+        found[:, :3, 3], found[:, 3, 3] = places, 1.0
+        # Of two at one place the smaller one is before the larger one, not in it.
+        return self.nearer(eye, 1 - (_LARGE - layer.size) * pixel) @ found
+
+    def clear(self) -> None:
+        self._balls.clear()
 
 
 class _Words(_Drawn):
@@ -352,7 +425,7 @@ class _Words(_Drawn):
 _KINDS: dict[type[Layer], type[_Drawn]] = {
     Solids: _Parts,
     Surface: _Whole,
-    Arrows: _Whole,
+    Arrows: _Darts,
     Lines: _Strokes,
     Points: _Dots,
     Labels: _Words,
@@ -425,18 +498,35 @@ def _ball() -> Mesh:
     return shapes.ellipsoid(np.zeros(3), np.eye(3), np.zeros(3))
 
 
-def _balls(places: Array, radii: Array, shades: Floats) -> Mesh:
-    """Balls around places [P, 3] of radii [P] and colours [P, 3]."""
-    ball = _ball()
-    count, corners = len(places), len(ball.vertices)
-    vertices = places[:, None] + radii[:, None, None] * ball.vertices
-    triangles = ball.triangles + corners * np.arange(count)[:, None, None]
-    return Mesh(
-        vertices.reshape(-1, 3).astype(np.float32),
-        np.tile(ball.normals, (count, 1)),
-        triangles.reshape(-1, 3).astype(np.int32),
-        np.repeat(shades, corners, axis=0).astype(np.float32),
-    )
+@cache
+def _shaft() -> Mesh:
+    """From the origin along x, 1 long, of radius 1."""
+    return shapes.loft(_LINE, _ROUND[0], _ROUND[1], np.zeros(3))
+
+
+@cache
+def _head() -> Mesh:
+    """Likewise, and pointed."""
+    sizes = np.array([[1.0], [0.02]])
+    return shapes.loft(_LINE, _ROUND[0] * sizes, _ROUND[1] * sizes, np.zeros(3))
+
+
+def arrow_places(origins: Array, vectors: Array, radius: float) -> tuple[Array, Array]:
+    """Where `_shaft` and `_head` are to be for arrows like `viewer.shapes.arrows`, [A, 4, 4] each."""
+    lengths = np.linalg.norm(vectors, axis=-1).astype(np.float64)
+    head = np.minimum(5 * radius, 0.6 * lengths)
+    axes_of = np.swapaxes(shapes.across(vectors / lengths[:, None]), -1, -2)
+    found = []
+    for begin, long, thick in (
+        (np.zeros_like(head), lengths - head, np.full_like(head, radius)),
+        (lengths - head, head, 2.4 * head / 5),
+    ):
+        places = np.zeros((len(lengths), 4, 4))
+        places[:, :3, :3] = axes_of * np.stack([long, thick, thick], axis=-1)[:, None]
+        places[:, :3, 3] = origins + begin[:, None] * axes_of[:, :, 0]
+        places[:, 3, 3] = 1.0
+        found.append(places)
+    return found[0], found[1]
 
 
 def _faded(theme: Theme, name: str, far: Array, radius: float) -> Floats:
