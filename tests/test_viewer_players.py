@@ -124,10 +124,23 @@ def test_a_ghost_stands_in_the_first_ones_place(playing) -> None:
     assert not players.ghost and len(players.stage.shows) == 1
 
 
+@pytest.mark.parametrize(
+    ("options", "leftmost"), [({}, True), ({"course": "circle"}, False), ({"behind": False}, False)]
+)
+def test_the_first_one_is_leftmost_from_where_they_are_seen(
+    options: dict[str, Any], leftmost: bool, playing
+) -> None:
+    """Driven by hand from behind, where +X is left; over a course from the front."""
+    players = playing("walk.mmdb", "walk.lmm", **options)
+    go(players, seconds=0.1)
+    first, second = players.stage.roots[:, 0]
+    assert (first > second + 0.5) if leftmost else (second > first + 0.5)
+
+
 def test_all_walk_on_one_ground_that_goes_on_with_them(playing) -> None:
     players = playing("walk.mmdb", "walk.lmm", ground=HILLS)
     go(players, seconds=0.1)
-    assert players.stage.roots[:, 0] == pytest.approx([-LANE / 2, LANE / 2], abs=0.1)
+    assert players.stage.roots[:, 0] == pytest.approx([LANE / 2, -LANE / 2], abs=0.1)  # +X is left
     assert players.stage.scene.ground is None
 
     def laid() -> np.ndarray:

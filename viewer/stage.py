@@ -1,7 +1,7 @@
 """Shows put into one scene: each at its place, with its name above it, at any time.
 
 A single show stands where it is in its own world. Several stand side by side: each is moved as a whole so
-that it begins at its own place, facing +Z, the first one leftmost as seen from the front.
+that it begins at its own place, facing +Z, the first one leftmost as seen from the front, or from behind.
 """
 
 from __future__ import annotations
@@ -39,6 +39,7 @@ class Stage:
     names : whether their names stand above them.
     marks : for each show what is drawn about it at a time, in its own world (`viewer.layers`), or None.
     lanes : whether several are moved, so that each begins at its own place; else all are in one world.
+    behind : whether the first one is leftmost as seen from behind.
     """
 
     def __init__(
@@ -49,6 +50,7 @@ class Stage:
         names: bool = False,
         marks: Sequence[Marks | None] = (),
         lanes: bool = True,
+        behind: bool = False,
     ) -> None:
         if not shows:
             raise ValueError("no shows")
@@ -56,7 +58,7 @@ class Stage:
         self._marks, self._marked = list(marks), dict[str, Layer]()
         self.tall = max(_height(show) for show in shows)
         self._reach = max(_AROUND * self.tall, *map(_reach, shows))
-        self._turns, self._moves = self._places(lanes)
+        self._turns, self._moves = self._places(lanes, -1 if behind else 1)
         self._leans = [_lean(show) for show in self.shows]
         self.roots, self.yaws = np.zeros((0, 3)), np.zeros(0)
         self.middle, self._corners = np.zeros(3), np.zeros((0, 3))
@@ -157,11 +159,11 @@ class Stage:
             made = Solids(parts=show.body.parts, **values) if "transforms" in values else Surface(**values)
             self.scene.layers[name] = made
 
-    def _places(self, lanes: bool) -> tuple[list[Array], list[Array]]:
+    def _places(self, lanes: bool, way: int) -> tuple[list[Array], list[Array]]:
         if len(self.shows) == 1 or not lanes:
             return [quat.identity()] * len(self.shows), [np.zeros(3)] * len(self.shows)
         turns, moves = [], []
-        lane = _LANE * max(self.tall, 0.5)
+        lane = way * _LANE * max(self.tall, 0.5)
         for i, show in enumerate(self.shows):
             stands, faces = _stance(show, *show.pose(0.0))
             turn = quat.from_yaw(-faces[0])

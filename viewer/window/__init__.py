@@ -46,7 +46,8 @@ def run(
     from .app import Window
     from .players import Players
 
-    players = Players(sources, theme=scene.DARK if dark else scene.LIGHT, **shown)
+    behind = None if side is None else side == "back"
+    players = Players(sources, theme=scene.DARK if dark else scene.LIGHT, behind=behind, **shown)
     usual = "back" if players.stick else "front" if len(players.stage.shows) > 1 else "quarter"
     seen = replace(view or View(), azimuth=np.radians(SIDES[side or usual]))
     size = size or (SMALL if software else SIZE)

@@ -42,6 +42,7 @@ class Players:
     shown : of `viewer.offscreen.DRAWABLE`, what is drawn about them; None: the usual.
     ghost : whether the second of two stands in the first one's place, clear.
     names : whether their names stand above them, by default those of several.
+    behind : whether the first of several is leftmost as seen from behind, by default where hands drive.
 
     Attributes
     ----------
@@ -64,6 +65,7 @@ class Players:
         shown: Sequence[str] | None = None,
         ghost: bool = False,
         names: bool | None = None,
+        behind: bool | None = None,
         theme: scene.Theme = scene.LIGHT,
         patience: float | None = None,
     ) -> None:
@@ -78,6 +80,7 @@ class Players:
         self.tunings = {name: Tuning(part, tuned[name]) for name, part in parts.items()}
         self._course = None if course is None else courses.load(course)
         self._ground, self._theme, self._named, self._span = ground, theme, names, (start, stop)
+        self._behind = bool(parts) and course is None if behind is None else behind
         self._patience: dict[str, float] = {} if patience is None else {"patience": patience, "budget": 1e9}
         usual = SHOWN + (UNEVEN if ground is not None else ())
         self.shown, self.ghost = set(usual if shown is None else shown), False
@@ -121,6 +124,7 @@ class Players:
             names=names,
             marks=marks,
             lanes=uneven is None,
+            behind=self._behind,
         )
 
     def move_to(self, time: float) -> None:
@@ -203,7 +207,9 @@ class Players:
             return Session(systems, driver)
         starts = np.zeros((len(systems), 2))
         if self._ground is not None:  # in one world, and not each at the beginning of its own
-            starts[:, 0] = LANE * (np.arange(len(systems)) - (len(systems) - 1) / 2)
+            starts[:, 0] = (-LANE if self._behind else LANE) * (
+                np.arange(len(systems)) - (len(systems) - 1) / 2
+            )
         return Session(systems, Stick(len(systems), speeds=speeds_of(first), starts=starts))
 
     def _about(self, name: str) -> dict[str, Any]:
