@@ -279,6 +279,11 @@ def test_what_cannot_be_explained() -> None:
     assert explain.at(run, 0.0, data) is None
     with pytest.raises(UserError, match="not made from this database"):
         explain.at(run, 0.9, lmm_models.database(crouch=True))
+    rounded = replace(data, fingerprint="of another machine")
+    with pytest.raises(UserError, match="not made from this database"):
+        explain.at(run, 0.9, rounded)
+    driven = explain.at(run, 0.9, rounded, system=object())
+    assert driven is not None and driven.winner == whole.winner
     other = timeline.recording()
     del other.arrays["searched"]
     assert explain.at(Timeline.of_recording(other), 0.9, data) is None

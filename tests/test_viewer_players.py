@@ -194,3 +194,22 @@ def test_a_slider_that_is_moved_while_another_system_is_made_waits_for_it(playin
         players.take_made()
         go(players, seconds=1 / 30)
     assert not players.session.look().errors
+
+
+def test_a_run_that_tells_too_little_is_shown_and_that_is_said(
+    playing, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    players = playing("walk.mmdb", shown=["candidates"], ground=HILLS)
+    go(players, seconds=0.5)
+    before = np.array(players.stage.roots[0])
+
+    def fails(_: float) -> None:
+        raise UserError("the run does not tell source of its searches")
+
+    monkeypatch.setattr(players.first, "explanation", fails)
+    players.do(lambda session: session.teleport([0.0, 20.0], 0.0))
+    with pytest.raises(UserError, match="does not tell"):
+        go(players, seconds=0.1)
+    assert players.stage.roots[0, 2] > before[2] + 5
+    assert any(layer.mesh.vertices[:, 2].max() > 20 for layer in players.stage.scene.layers.values()
+               if isinstance(layer, Surface))  # fmt: skip

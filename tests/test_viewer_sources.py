@@ -156,6 +156,11 @@ def test_the_built_in_database_is_made_once(tmp_path: Path, monkeypatch: pytest.
     for _ in range(2):
         assert sources.built_in(folder=tmp_path / "cache").fingerprint == data.fingerprint
     assert len(made) == 1
+    elsewhere = dataclasses.replace(shipped.description, fingerprint="of another machine")
+    rounded = dataclasses.replace(shipped, description=elsewhere)
+    monkeypatch.setattr(sources.models, "load", lambda _: rounded)
+    sources.built_in(folder=tmp_path / "cache")
+    assert len(made) == 1
     (tmp_path / "cache" / "dancecard.mmdb").write_bytes(b"old")
     assert len(sources.built_in(folder=tmp_path / "cache")) == len(data)
     (tmp_path / "file").write_text("")

@@ -156,7 +156,8 @@ def at(timeline: Timeline, time: float, data: Data | None, *, system: Any = None
     """The last search until a time; None without one, or without its database.
 
     data : the database of the system, or of the run that the timeline is of.
-    system : what may have a network to ask.
+    system : what made the steps, where it is at hand: it may have a network to ask. Its database is not
+        compared with data, which fits if it was taken (`viewer.sources`), and may differ in rounding.
 
     A run of another database, or of an earlier version that tells too little, is a UserError.
     """
@@ -170,7 +171,7 @@ def at(timeline: Timeline, time: float, data: Data | None, *, system: Any = None
     if data is None:
         return None
     told = timeline.about.get("database")
-    if told and origin(data) and told != origin(data):
+    if system is None and told and origin(data) and told != origin(data):
         raise UserError("the run was not made from this database", remedy="give the one it was made from")
     record = timeline.record(step)
     missing = [name for name in NEEDED if name not in record]

@@ -179,7 +179,10 @@ class Window:
 
     def _show(self, look: Look, passed: float) -> None:
         stage = self.players.stage
-        self.players.move_to(look.time)
+        try:
+            self.players.move_to(look.time)
+        except UserError as error:  # they are there, but not all that was to be drawn about them
+            self.tell(str(error))
         self.camera = self.eye.move(views.goal(stage), passed)
         views.light(stage, self.camera)
         self.drawing.show(stage.scene, self.camera)

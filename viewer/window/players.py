@@ -128,10 +128,14 @@ class Players:
         )
 
     def move_to(self, time: float) -> None:
-        """Show the poses at a time, and the ground that they are on."""
-        self.stage.move_to(time)
-        if self._patch is not None:
-            ground = self._patch.around(self.stage.roots[:, [0, 2]])
+        """Show the poses at a time, and the ground that they are on.
+
+        What is to be drawn about them and cannot be is a UserError, after that.
+        """
+        try:
+            self.stage.move_to(time)
+        finally:  # what is drawn about them may be what their run does not tell
+            ground = None if self._patch is None else self._patch.around(self.stage.roots[:, [0, 2]])
             if ground is not None:
                 self.stage.lay(0, ground)
 
