@@ -8,7 +8,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from lmm.locomotion.statistics import JOINT_SCALE
 from lmm.pfnn.frames import frames
 from lmm.pfnn.layout import Layout
 from lmm.pfnn.spline import coefficients
@@ -33,7 +32,7 @@ class PhaseStage(LocomotionStage):
         how, layout = settings.pfnn, data.layout
         sizes = (layout.input_size, *how.hidden, layout.output_size)
         network = PhaseLayers(sizes, seed=settings.seed, name="pfnn")
-        super().__init__(data, network, name="pfnn", settings=settings, how=how, joint_scale=JOINT_SCALE)
+        super().__init__(data, network, name="pfnn", settings=settings, how=how, joint_scale=how.joint_scale)
         self._own = how
 
     def begin(self) -> None:
