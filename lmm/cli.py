@@ -69,7 +69,8 @@ main.epilog = "Example: python -m lmm run dancecard --course thesis -o lap.bvh"
     "--configuration",
     type=click.Choice(CONFIGURATIONS),
     help="For --model pfnn. holden: as published; holden-xl: one more layer; holden-xt: trained twice as "
-    "long; ava: as published for a large rig, whose database `mm enlarge` makes.  [default: holden]",
+    "long; ava: for a large rig, whose database `mm enlarge` makes: its many joints count together as those "
+    "of an ordinary one, unless the recipe is as published.  [default: holden]",
 )
 @click.option(
     "--experts",
