@@ -69,8 +69,8 @@ main.epilog = "Example: python -m lmm run dancecard --course thesis -o lap.bvh"
     "--configuration",
     type=click.Choice(CONFIGURATIONS),
     help="For --model pfnn. holden: as published; holden-xl: one more layer; holden-xt: trained twice as "
-    "long; ava: for a large rig, whose database `mm enlarge` makes: its many joints count together as those "
-    "of an ordinary one, unless the recipe is as published.  [default: holden]",
+    "long; ava: as holden, named so in `bench thesis` where `mm enlarge` made the rig large.  "
+    "[default: holden]",
 )
 @click.option(
     "--experts",

@@ -16,6 +16,7 @@ from features import label_files  # noqa: E402
 from lmm.evaluation.phase import free_run, joint_errors, windows  # noqa: E402
 from lmm.locomotion.labelling import labels_of  # noqa: E402
 from lmm.locomotion.model import LocomotionModel  # noqa: E402
+from lmm.locomotion.statistics import joint_weights  # noqa: E402
 from lmm.mann.controller import MannController  # noqa: E402
 from lmm.mann.layout import from_axes, to_axes  # noqa: E402
 from lmm.mann.model import MannModel  # noqa: E402
@@ -263,6 +264,28 @@ def test_gates_see_joints_whatever_those_count_elsewhere(database) -> None:
         found.append(network.gate((stage._x - network.input_mean) / network.input_std).detach())
     np.testing.assert_allclose(found[0], found[1], atol=1e-4)
     assert found[0].std(dim=0).max() > 0.01
+
+
+def test_all_joints_of_a_large_rig_count_and_are_off_as_those_of_an_ordinary_one(kind, database) -> None:
+    """Of N times the joints each counts 1 / sqrt N, and is off by sqrt N as much; what is asked as it did."""
+    data, noise = data_of(kind, database, ()), 0.5
+    count = int(np.count_nonzero(joint_weights(database.skeleton)))
+    more = (count / 2) ** 0.5
+    found = []
+    for ordinary in (0, count, 4 * count, 2):
+        stage = STAGES[kind](data, settings(kind, ordinary=ordinary, noise=noise))
+        stage.begin()
+        found.append((stage.network.input_std.clone(), stage._noise * stage.network.input_std))
+    for stds, off in found[1:3]:
+        assert torch.equal(stds, found[0][0]) and torch.equal(off, found[0][1])
+    (stds, off), (large, further) = found[0], found[3]
+    joints = np.zeros(len(stds), bool)
+    for block in data.layout.inputs.keys() & {"positions", "rotations", "velocities"}:
+        joints[data.layout.inputs[block]] = True
+    np.testing.assert_allclose(large / stds, np.where(joints, more, 1), rtol=1e-6)
+    moved = off > 0
+    assert moved[joints].any()
+    np.testing.assert_allclose((further / off)[moved], np.where(joints, more, 1)[moved], rtol=1e-6)
 
 
 def test_what_is_trained_drives_characters(kind, trained) -> None:

@@ -36,12 +36,7 @@ def test_configurations_are_a_layer_more_or_twice_as_long() -> None:
     holden, deep, long, large = (preset("ours", "quick", name) for name in CONFIGURATIONS)
     assert (holden.pfnn.hidden, deep.pfnn.hidden) == ((512,) * 2, (512,) * 3)
     assert long.pfnn == dataclasses.replace(holden.pfnn, iterations=2 * holden.pfnn.iterations)
-    # Six times the joints: all together they count as much, and are off by as much.
-    scale, noise = large.pfnn.joint_scale, large.pfnn.noise
-    assert large.pfnn == dataclasses.replace(holden.pfnn, joint_scale=scale, noise=noise)
-    assert scale * noise == pytest.approx(holden.pfnn.joint_scale * holden.pfnn.noise)
-    assert scale * 191**0.5 == pytest.approx(holden.pfnn.joint_scale * 31**0.5)
-    assert preset("reference", "quick", "ava").pfnn == preset("reference", "quick").pfnn  # as published
+    assert large.pfnn == holden.pfnn and preset("reference", "quick", "ava").pfnn.ordinary == 0
     assert [one.configuration for one in (holden, deep, long, large)] == list(CONFIGURATIONS)
     with pytest.raises(UserError, match="no configuration 'bear'; choose from holden, holden-xl"):
         preset("ours", "quick", "bear")
@@ -63,7 +58,14 @@ def test_settings_go_through_plain_data_and_files(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "name, value",
-    [("keep", 0.0), ("shrink", -1.0), ("noise", 11.0), ("phase_noise", -1.0), ("joint_scale", 0.0)],
+    [
+        ("keep", 0.0),
+        ("shrink", -1.0),
+        ("noise", 11.0),
+        ("phase_noise", -1.0),
+        ("ordinary", -1),
+        ("joint_scale", 0.0),
+    ],
 )
 def test_what_is_out_of_range_is_named(name: str, value: float) -> None:
     with pytest.raises(ConfigError, match=f"{name}: .* is out of range"):

@@ -144,14 +144,18 @@ class LocomotionStage:
     ) -> None:
         self.name, self.network, self._data, self._all = name, network, data, settings
         self.settings: StageSettings = how
-        self._how, self._joint_scale = how, joint_scale
+        self._how = how
+        self._joint_weights = statistics.joint_weights(data.database.skeleton)
+        counting = np.count_nonzero(self._joint_weights)
+        share = min(1.0, how.ordinary / counting) ** 0.5 if how.ordinary else 1.0
+        self._joint_scale, self._joint_noise = share * joint_scale, how.noise * joint_scale
 
     def modules(self) -> Mapping[str, nn.Module]:
         return {self.name: self.network}
 
     def begin(self) -> None:
         data, layout, device = self._data, self._data.layout, self._all.device
-        found, weights = data.frames, statistics.joint_weights(data.database.skeleton)
+        found, weights = data.frames, self._joint_weights
         laid, some = data.seen(data.sample(STATISTICS, "training"))
         known = statistics.statistics(
             laid.x[some], laid.y[some], layout, weights, joint_scale=self._joint_scale
@@ -170,11 +174,10 @@ class LocomotionStage:
         self._runs = {p: data.seen(rows, HORIZONS[-1]) for p, rows in runs.items()}
 
         # In normalised inputs a deviation of a block is 1, of joints what the statistics make of it.
-        noise = np.ones(layout.input_size, np.float32)
+        noise = np.full(layout.input_size, self._how.noise, np.float32)
         for block in layout.inputs.keys() & set(JOINTS):
             joints = noise[layout.inputs[block]].reshape(len(weights), -1)
-            joints[:] = self._joint_scale * weights[:, None]
-        noise *= self._how.noise
+            joints[:] = self._joint_noise * weights[:, None]
         for block in layout.inputs.keys() & ASKED:
             noise[layout.inputs[block]] = self._how.asked_noise
         noise[layout.inputs["gaits"]] = 0

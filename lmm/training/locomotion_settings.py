@@ -21,6 +21,9 @@ class LocomotionStageSettings(StageSettings):
         their block; each sample by another amount. A walk backwards lies half a deviation from one ahead
         where the data runs: who is told of the way no better than that answers what is rare with what is
         common.
+    ordinary : joints of an ordinary rig. Those of a larger one repeat one another: each by itself they would
+        outweigh the trajectory, and what they are off by would cancel. They count together, and are off
+        together, as so many. 0 for each by itself. Joints that do not count (fingers) are not counted.
     """
 
     hidden: tuple[int, ...] = (512, 512)
@@ -28,10 +31,17 @@ class LocomotionStageSettings(StageSettings):
     keep: float = 0.7
     noise: float = 0.0
     asked_noise: float = 0.0
+    ordinary: int = 0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        ranges = (("alone", 0, 1), ("keep", 0.01, 1), ("noise", 0, 10), ("asked_noise", 0, 10))
+        ranges = (
+            ("alone", 0, 1),
+            ("keep", 0.01, 1),
+            ("noise", 0, 10),
+            ("asked_noise", 0, 10),
+            ("ordinary", 0, 1e6),
+        )
         for name, least, most in ranges:
             check_range(name, getattr(self, name), least, most)
 
@@ -47,6 +57,9 @@ class LocomotionTraining(Common):
 
     def longest(self, fps: float) -> int:
         return self.stage.window + 2  # a range's first and last frame have no vectors
+
+
+ORDINARY = 26  # joints that count in CMU's skeleton, which train well each by itself
 
 
 def ours(name: str) -> dict[str, Any]:
@@ -71,4 +84,5 @@ def ours(name: str) -> dict[str, Any]:
         "keep": 1.0,
         "noise": 0.5,
         "asked_noise": 0.1,
+        "ordinary": ORDINARY,
     }

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 from torch import Tensor
 
-from lmm.locomotion.statistics import joint_weights
 from lmm.mann.frames import frames
 from lmm.mann.layout import Layout
 from lmm.mann.model import end_effectors
@@ -45,7 +44,7 @@ class MannStage(LocomotionStage):
     def begin(self) -> None:
         super().begin()
         # The gate sees joints as it sees what is asked, whatever they count for the experts.
-        layout, weights = self._data.layout, joint_weights(self._data.database.skeleton)
+        layout, weights = self._data.layout, self._joint_weights
         scale = np.ones(layout.input_size, np.float32)
         velocities = np.repeat(weights, 3)
         scale[layout.inputs["velocities"]] = np.where(velocities > 0, self._joint_scale, 1)

@@ -6,14 +6,12 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from lmm.locomotion.statistics import JOINT_SCALE
-from motion import rig
 
 from .locomotion_settings import LocomotionStageSettings, LocomotionTraining, ours
 from .settings import PRESETS, RECIPES, Optimiser, Schedule, check_names, check_range
 
 Configuration = Literal["holden", "holden-xl", "holden-xt", "ava"]
 CONFIGURATIONS: tuple[Configuration, ...] = ("holden", "holden-xl", "holden-xt", "ava")
-JOINTS = 31  # of the published skeleton
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,8 +47,8 @@ class PhaseTraining(LocomotionTraining):
     Attributes
     ----------
     configuration : what the settings began as: "holden", the published network; "holden-xl", with one more
-        hidden layer; "holden-xt", trained twice as long; "ava", as "holden" for a database of a large rig
-        (`mm.enlarged`); in our recipe a joint of it counts less, and is off by more.
+        hidden layer; "holden-xt", trained twice as long; "ava", as "holden", and so named where the
+        database is of a large rig (`mm.enlarged`).
     pfnn : the training of the network.
     """
 
@@ -78,10 +76,6 @@ def preset(recipe: str = "ours", name: str = "full", configuration: str = "holde
         stage = replace(stage, hidden=(*stage.hidden, stage.hidden[-1]))
     if configuration == "holden-xt":
         stage = replace(stage, iterations=2 * stage.iterations)
-    if configuration == "ava" and recipe == "ours":
-        # Its joints repeat one another: together they would outweigh the trajectory, and their noise cancel.
-        more = (rig.JOINTS / JOINTS) ** 0.5
-        stage = replace(stage, joint_scale=stage.joint_scale / more, noise=stage.noise * more)
     return replace(settings, pfnn=stage, **names)
 
 
