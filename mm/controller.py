@@ -25,6 +25,7 @@ from . import settings as settings_types
 from .control import Command
 from .database import Database
 from .description import Description
+from .search import terms
 from .settings import Settings
 
 STAGES = (
@@ -104,6 +105,7 @@ class Controller:
         self._past_frames = (-layout.times[past] * self.fps).astype(np.float32)
         self._present_slots = np.flatnonzero(layout.times == 0)
         self._normalisation = (stages.plain(description.offset), stages.plain(description.scale))
+        self._terms = terms.of_schema(schema)
 
         self._crouch_tag = np.uint32(description.crouch_tag)
         self._required, self._forbidden = np.zeros((2, count), np.uint32)
@@ -129,7 +131,11 @@ class Controller:
         self._cost_candidate = np.full(count, np.nan, np.float32)
         self._moved, self._ended = np.zeros((2, count), np.bool_)
         self._searching = np.zeros(count, np.int64)
-        # Room to work in: what is jumped to, and a character's joints in the world.
+        # Room to work in: what is asked, what is jumped to, and a character's joints in the world.
+        needed, avoided = np.zeros((2, count), np.uint32)
+        forced, (costs, bounds) = np.zeros(count, np.bool_), np.zeros((2, count), np.float32)
+        asked = np.zeros_like(self._queries), needed, avoided, forced, costs, bounds
+        self._asked: tuple[NDArray, ...] = asked
         self._landing = Poses.empty(count, joints)
         self._landing_contacts = np.zeros((count, feet), np.uint8)
         self._world = np.zeros((joints, 3), np.float32), np.zeros((joints, 4), np.float32)
@@ -282,25 +288,23 @@ class Controller:
     ) -> None:
         """Look for a better place in the data for characters who, by tags [N], and jump there."""
         state = self.state.take(who)
-        features, queries = state.features(), np.empty((len(who), self._queries.shape[1]), np.float32)
-        self._kernels.build_queries(
-            self.characters, who, features, self._trajectory, *self._columns, *self._normalisation, queries
-        )
-        current = normalise.total_costs(self._schema, queries, features)
-        required, forbidden, ended = required[who], forbidden[who], self._ended[who]
-        # Playing on has no price where it is impossible, or not what was asked for.
-        barred = _lack(state.tags(), required, forbidden)
-        current[ended | barred] = np.inf
-        bound = current * np.float32(1 - self.settings.continuing_bias)
+        features = state.features()
+        queries, needed, avoided, forced, current, bound = (room[: len(who)] for room in self._asked)
+        self._kernels.ask(
+            self.characters, who, features, state.tags(), required, forbidden, self._ended, self._trajectory,
+            *self._columns, *self._normalisation, self._terms, np.float32(1 - self.settings.continuing_bias),
+            queries, needed, avoided, forced, current, bound,
+        )  # fmt: skip
         self._sources[who] = state.origins()
         self._lap("query")
-        candidates, costs, found = self.stages.projection.project(queries, state, bound, required, forbidden)
-        if not found.all():
-            self._check_possible(who, ~found, ended, barred, required, forbidden)
-        if found.any():
+        candidates, costs, found = self.stages.projection.project(queries, state, bound, needed, avoided)
+        hits = np.count_nonzero(found)
+        if hits < len(who):
+            self._check_possible(who, forced & ~found, needed, avoided)
+        if hits:
             self._jump(who[found], candidates.take(np.flatnonzero(found)))
-        self._queries[who] = queries
-        self._played[who] = self.state.take(who).features()
+            features = self.state.take(who).features()
+        self._queries[who], self._played[who] = queries, features
         self._candidates[who] = np.where(found, candidates.origins(), -1)
         self._cost_current[who], self._cost_candidate[who] = current, costs
         self._lap("projection")
@@ -309,19 +313,17 @@ class Controller:
         self,
         who: NDArray[np.int64],
         lost: NDArray[np.bool_],
-        ended: NDArray[np.bool_],
-        barred: NDArray[np.bool_],
-        required: NDArray[np.uint32],
-        forbidden: NDArray[np.uint32],
+        needed: NDArray[np.uint32],
+        avoided: NDArray[np.uint32],
     ) -> None:
-        """Refuse tags that no frame bears, and a clip's end that nothing can follow."""
-        for m in np.flatnonzero(lost & (ended | barred)):
-            if not self.stages.projection.possible(int(required[m]), int(forbidden[m])):
+        """Refuse tags that no frame bears, and a clip's end that nothing can follow, to the lost [M]."""
+        for m in np.flatnonzero(lost):
+            if not self.stages.projection.possible(int(needed[m]), int(avoided[m])):
                 raise UserError(
                     f"character {who[m]} is asked for tags that no frame bears",
                     remedy="ask for tags that go together in the database (see `mm info`)",
                 )
-            if ended[m]:
+            if self._ended[who[m]]:
                 raise UserError(
                     f"character {who[m]} is at the end of its clip and no frame may follow",
                     remedy="build the database from more or longer clips, or bearing these tags",
@@ -434,7 +436,8 @@ class Controller:
         """Bytes by part: what the stages hold, statistics of features, all that is held of one character from
         frame to frame, its state, and room to work in, which stages may have, too."""
         room = sum(array.nbytes for array in self._landing.arrays().values())
-        room = (room + self._searching.nbytes + self._landing_contacts.nbytes) // self.count
+        others: tuple[NDArray, ...] = (self._searching, self._landing_contacts, *self._asked)
+        room = (room + sum(array.nbytes for array in others)) // self.count
         parts = {"workspace": room + sum(array.nbytes for array in self._world)}
         for stage in (self.stages.projection, self.stages.stepping, self.stages.decompression):
             own = stage.memory()
@@ -467,10 +470,3 @@ def box(x: float, z: float, width: float, depth: float) -> Sequence[float]:
 def circle(x: float, z: float, radius: float) -> Sequence[float]:
     """An obstacle: a circle on the ground."""
     return x, z, 0.0, 0.0, radius
-
-
-def _lack(
-    tags: NDArray[np.uint32], required: NDArray[np.uint32], forbidden: NDArray[np.uint32]
-) -> NDArray[np.bool_]:
-    """Whether tags [M] are not all of those required, or one of those forbidden."""
-    return ((required & ~tags) != 0) | ((forbidden & tags) != 0)

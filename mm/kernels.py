@@ -11,9 +11,12 @@ from __future__ import annotations
 import math
 
 import numba
+import numpy as np
 
 from motion import springs
 from motion.quat_scalar import exp, inv, log_shortest, mul, rotate
+
+from .search.rows import row_cost, terms_cost
 
 _jit = numba.njit(cache=True, nogil=True, error_model="numpy")
 
@@ -177,6 +180,31 @@ def build_queries(
                 dx, dz = math.sin(yaw - root[2]), math.cos(yaw - root[2])
                 queries[m, column] = (dx - offset[column]) / scale[column]
                 queries[m, column + 1] = (dz - offset[column + 1]) / scale[column + 1]
+
+
+@_jit
+def ask(
+    characters, who, features, tags, required, forbidden, ended, trajectory,
+    position_columns, direction_columns, offset, scale, terms, share,
+    queries, needed, avoided, forced, costs, bounds,
+):  # fmt: skip
+    """What characters who [M] search for, into the last six arrays [M, ..].
+
+    features [M, F] and tags [M] are of what plays. Queries are those of `build_queries`; tags needed and
+    avoided those required and forbidden [N] of them. Forced is who cannot play on, since the clip has ended
+    [N] or does not bear those tags; costs are what playing on costs (by terms, see `mm.search.terms`),
+    infinite for the forced, and bounds a share of them.
+    """
+    build_queries(
+        characters, who, features, trajectory, position_columns, direction_columns, offset, scale, queries
+    )
+    for m in range(len(who)):
+        i, query, row = who[m], queries[m], features[m]
+        needed[m], avoided[m] = required[i], forbidden[i]
+        forced[m] = ended[i] or (needed[m] & ~tags[m]) != 0 or (avoided[m] & tags[m]) != 0
+        cost = row_cost(query, row) if terms is None else terms_cost(query, row, terms)
+        costs[m] = np.inf if forced[m] else cost
+        bounds[m] = costs[m] * share
 
 
 @_jit

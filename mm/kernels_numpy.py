@@ -6,6 +6,8 @@ import numpy as np
 
 from motion import quat, springs
 
+from .search.rows import PATH, SQUARED
+
 
 def turn(v, yaw):
     """Rotate ground vectors [..., 2] about the vertical."""
@@ -106,6 +108,30 @@ def build_queries(
             angle = sample[:, 2] - root[:, 2]
             facing = np.stack([np.sin(angle), np.cos(angle)], axis=-1)
             queries[:, columns] = (facing - offset[columns]) / scale[columns]
+
+
+def ask(
+    characters, who, features, tags, required, forbidden, ended, trajectory,
+    position_columns, direction_columns, offset, scale, terms, share,
+    queries, needed, avoided, forced, costs, bounds,
+):  # fmt: skip
+    """See `mm.kernels.ask`."""
+    build_queries(
+        characters, who, features, trajectory, position_columns, direction_columns, offset, scale, queries
+    )
+    needed[:], avoided[:] = required[who], forbidden[who]
+    forced[:] = ended[who] | (needed & ~tags != 0) | (avoided & tags != 0)
+    costs[:] = 0
+    for kind, start, stop in [(SQUARED, 0, queries.shape[1])] if terms is None else terms:
+        off = queries[:, start:stop] - features[:, start:stop]
+        if kind == PATH:
+            samples = off.reshape(len(off), -1, 2)
+            for parts in (samples, np.diff(samples, axis=1)):
+                costs += np.linalg.norm(parts, axis=-1).sum(axis=-1)
+        else:
+            costs += np.linalg.norm(off, axis=-1) ** (2 if kind == SQUARED else 1)
+    costs[forced] = np.inf
+    bounds[:] = costs * share
 
 
 def transition(who, characters, positions, rotations, velocities, angular, offsets,

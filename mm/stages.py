@@ -227,7 +227,7 @@ class SearchProjection:
         self.ignore_radius = ignore_radius
 
     def project(self, queries, state, bound, required_tags, forbidden_tags):
-        tagged = required_tags.any() or forbidden_tags.any()
+        tagged = np.count_nonzero(required_tags) or np.count_nonzero(forbidden_tags)
         exclude = search.Exclusions(
             current=state.frames(),
             radius=self.ignore_radius,
@@ -237,7 +237,7 @@ class SearchProjection:
         frames, costs = self.index.search(queries, bound=bound, exclude=exclude)
         found = frames[:, 0] >= 0
         # Where nothing was found the state stays what it is.
-        index = np.where(found, frames[:, 0], state.frames()).astype(np.int32)
+        index = np.where(found, frames[:, 0], state.frames())
         return FrameState(index, state.data), costs[:, 0], found
 
     def retune(self, settings: Settings, fps: float) -> None:

@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 import synthetic
 
+from features import normalise
 from mm import kernels, kernels_numpy
 from mm.build import build
+from mm.characters import CHARACTER
 from mm.control import Command
 from mm.controller import Controller, box, circle
+from mm.search import terms
 from mm.settings import Settings
 from motion import bvh, kinematics, springs
 from motion.errors import UserError
@@ -101,6 +104,33 @@ def test_dividing_tags_are_those_of_the_twin():
     want, avoid = found[0] & tag, required & tag
     np.testing.assert_array_equal(want[0] > 0, (flags & (forbidden & tag == 0)) | (avoid > 0))
     np.testing.assert_array_equal(found[0] & ~tag, [required & ~tag, forbidden & ~tag])
+
+
+def test_what_is_asked_has_the_price_of_playing_on_unless_that_cannot_be(uneven):
+    """By tags required and forbidden, and by ends of clips, for some of the characters."""
+    rng, schema = np.random.default_rng(0), uneven.schema
+    characters, who = np.zeros(6, CHARACTER), np.array([1, 2, 3, 5])
+    features = rng.standard_normal((4, schema.size)).astype(np.float32)
+    tags = np.array([1, 1, 0, 2], np.uint32)
+    required, forbidden = np.array([[9, 1, 0, 1, 9, 0], [9, 0, 1, 0, 9, 4]], np.uint32)
+    ended = np.array([True, False, False, False, True, True])
+    layout = schema.trajectory()
+    trajectory = rng.standard_normal((6, len(layout), 3)).astype(np.float32)
+    given = (
+        characters, who, features, tags, required, forbidden, ended, trajectory,
+        layout.position_columns.astype(np.int64), layout.direction_columns.astype(np.int64),
+        uneven.offset, uneven.scale, terms.of_schema(schema), np.float32(0.75),
+    )  # fmt: skip
+    for module in (kernels, kernels_numpy):
+        queries, asked = np.zeros((4, schema.size), np.float32), np.zeros((2, 4), np.uint32)
+        forced, (costs, bounds) = np.zeros(4, np.bool_), np.zeros((2, 4), np.float32)
+        module.ask(*given, queries, *asked, forced, costs, bounds)
+        np.testing.assert_array_equal(asked, [required[who], forbidden[who]])
+        assert forced.tolist() == [False, True, True, True]  # plays it, forbidden, lacking, ended
+        expected = normalise.total_costs(schema, queries, features)
+        np.testing.assert_allclose(costs, np.where(forced, np.inf, expected), rtol=1e-5)
+        np.testing.assert_array_equal(bounds, costs * np.float32(0.75))
+        assert expected.min() > 1
 
 
 def test_frames_play_to_the_end_of_their_range():
