@@ -27,6 +27,7 @@ from . import timing
 from .entry import Entry, called
 from .kept import NOTHING, Kept
 from .learned import ENDINGS
+from .memory import allocations
 from .systems import without_legs
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ NEVER = 1e6  # seconds between searches, metres a second per second: none but at
 COUNTS = (1, 16, 256, 1024, 4096)
 # Frames of large crowds are many characters' each: so many characters' frames in all, but some searches.
 SHARED_FRAMES, FEWEST, WARM = 60_000, 24, 3
+ALLOCATING = 60  # frames in which a crowd is watched for what it allocates, half of which count
 MOST_FRAMES = 300_000  # of all characters together, of which `measure` takes stages and searches apart
 
 
@@ -58,7 +60,7 @@ def measure(
     Characters are spread over a random user's script, so that no two do the same. us: mean with a search
     every 0.1 s and when the command changes abruptly; p99_us: 99th percentile of the frames; no_search_us:
     median of frames without any search, None of systems that never search; then the mean of each stage with
-    search. Of each frame the least of
+    search; last frame_bytes, see `allocated`. Of each frame the least of
     repeats runs counts, since each run does the same again. seconds are of a run, or less of large crowds.
     """
     if not counts or min(counts) < 1:
@@ -83,6 +85,7 @@ def measure(
                 f"{stage.replace(' ', '_')}_us": float(each * t.mean())
                 for stage, t in with_search.stages.items()
             }
+            | {"frame_bytes": allocated(systems[name][0](count=count))}
         )
     return rows
 
@@ -128,6 +131,13 @@ def cost(system: System, course: Course, frames: int, repeats: int, **options: A
     return timing.frame_cost(system, clock, frames, repeats=repeats, **options)
 
 
+def allocated(system: System) -> float:
+    """Bytes that a frame of all characters together allocates, and frees again (see `memory.allocations`);
+    of frames with a search where any search."""
+    found = allocations.of_steps(system, allocations.wander(system.count, frames=ALLOCATING))
+    return found.frame_bytes if np.isnan(found.search_bytes) else found.search_bytes
+
+
 def of_entries(
     database: Database,
     entries: Sequence[Entry],
@@ -143,8 +153,9 @@ def of_entries(
     us, median_us, p99_us: mean, median and 99th percentile of frames, searches included, of each the least of
     the repeats;
     least_us, most_us: means of the fastest and of the slowest repeat, which tell what else the machine did;
-    frames: how many were timed, the fewer the larger the crowd. Characters are spread over a random user's
-    script. A system that cannot be, or breaks, has no row; what is kept is not measured again.
+    frames: how many were timed, the fewer the larger the crowd; frame_bytes: see `allocated`. Characters are
+    spread over a random user's script. A system that cannot be, or breaks, has no row; what is kept is not
+    measured again.
     """
     if not counts or min(counts) < 1:
         raise UserError(f"counts {list(counts)}", remedy="give numbers of at least 1, as 1,16,256")
@@ -186,4 +197,5 @@ def _row(system: System, name: str, course: Course, frames: int, repeats: int) -
         "least_us": float(each * found.means.min()),
         "most_us": float(each * found.means.max()),
         "frames": len(found.whole),
+        "frame_bytes": allocated(system),
     }

@@ -63,7 +63,7 @@ def test_crowd_gives_a_row_a_count(db):
     )
     assert [row["characters"] for row in rows] == [1, 5]
     for row in rows:
-        assert row["no_search_us"] > 0 and row["us"] <= row["p99_us"]
+        assert row["no_search_us"] > 0 and row["us"] <= row["p99_us"] and 0 < row["frame_bytes"] < 20_000
         assert {"prediction_us", "projection_us", "foot_lock_us"} <= set(row)
 
 

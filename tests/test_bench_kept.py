@@ -135,6 +135,7 @@ def test_crowds_are_kept_too(database, tmp_path):
         assert 0 < row["us"] <= row["least_us"] <= row["most_us"] and row["median_us"] <= row["p99_us"]
     again = Counted("a")
     assert crowd.of_entries(database, [again.entry], **options) == found and again.made == 0
+    assert all(row["frame_bytes"] >= 0 for row in found)
     crowd.of_entries(database, [again.entry], **options | {"repeats": 3})
     assert again.made == 2
 
