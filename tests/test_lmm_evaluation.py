@@ -463,6 +463,7 @@ def test_everything_of_a_model_at_another_rate_with_tags(crouching):
     ]  # fmt: skip
     sizes = {row["system"]: row["memory_mb"] for row in found["mixtures"]}
     assert sizes["lmm-PSD"] < sizes["mm"]
+    assert found["mixed"] == list(BRIEF.mixed)
     assert len(found["blame"]) == 3 and all("motion matching" in sentence for sentence in found["blame"])
     again = evaluate.evaluate(model, crouching, BRIEF)
     for part in ("decompressor", "stepper", "projector", "endurance"):

@@ -80,8 +80,9 @@ def evaluate(
     projector : `projector.errors` on real queries, of a user that no training learns from, and on noisy rows
         of the training and the held-out clips.
     courses, systems : rows of the model and of motion matching, feet held and not (`driving.Judge`).
-    mixtures : a row for each mixture of learned and classical stages, over fewer courses.
-    blame : sentences on which stage makes the learned system worse than motion matching (`blame.told`).
+    mixtures : a row for each mixture of learned and classical stages, over fewer courses, `mixed`.
+    blame : sentences on which stage makes the learned system worse than motion matching (`blame.told`), over
+        those courses.
     ground : facts of what is walked on there, where that is given; all else is of level ground.
     endurance : `driving.endure`.
     targets : what is good enough, what was found, and whether it is met.
@@ -169,6 +170,7 @@ def _driven(
         "courses": rows,
         "systems": driving.summary(rows),
         "mixtures": mixtures,
+        "mixed": [course.name for course in judge.courses],
         "blame": blame.told(mixtures),
     }
 

@@ -63,14 +63,17 @@ def show(found: dict[str, Any], name: str) -> None:
         "each course": systems(found["courses"], brief=True),
     }
     if "mixtures" in found:
-        title = "mixtures; of projector P, stepper S, decompressor D those named are learned"
+        title = (
+            f"mixtures over {', '.join(found['mixed'])}; "
+            "of projector P, stepper S, decompressor D those named are learned"
+        )
         tables[title] = systems(found["mixtures"])
     tables["good enough?"] = [row | {"met": _WORDS[row["met"]]} for row in found["targets"]]
     for title, rows in tables.items():
         console.print_table(rows, title=title)
         print()
     for sentence in found.get("blame", []):
-        print(sentence)
+        print(f"Over {', '.join(found['mixed'])}: {sentence[0].lower()}{sentence[1:]}")
     if found["ground"]:
         print(f"courses lie on {terrain.told(found['ground'])}; all else is on level ground")
     print(lasting(found["endurance"]))
