@@ -87,6 +87,27 @@ def test_a_compressed_database_moves_and_knows_its_model(folder: Path) -> None:
         found.parts(["lmm-D"])
 
 
+def test_a_run_is_of_a_database_that_differs_in_rounding_only(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shipped, data = lmm_models.model(lmm_models.database()), lmm_models.database()
+    rounded = dataclasses.replace(data, offset=data.offset * np.float32(1 + 1e-6))
+    rounded.save(tmp_path / "walk.mmdb")
+    assert rounded.fingerprint != data.fingerprint
+
+    def found(*paths: Path) -> bool:
+        read = sources.read([*paths, folder / "last.rec"])
+        return read.data_of(read.runs["last"]) is read.databases["walk"]
+
+    assert found(tmp_path / "walk.mmdb", folder / "walk.lmm")  # the model is of both
+    with pytest.raises(UserError, match="not made from this database"):
+        found(tmp_path / "walk.mmdb")
+    monkeypatch.setattr(sources.models, "load", lambda _: shipped)
+    assert found(tmp_path / "walk.mmdb")
+    with pytest.raises(UserError, match="not made from this database"):
+        found(folder / "crouch.mmdb")
+
+
 def test_a_folder_is_its_clips(walker_files: Path) -> None:
     found = sources.read([walker_files])
     assert set(found.clips) == {"straight", "left_turn", "right_turn", "stand", "run"}

@@ -25,7 +25,7 @@ from mm.settings import Settings
 from motion import config
 from motion.errors import UserError
 
-from .sources import Data, origin
+from .sources import Data
 from .timeline import Timeline
 
 if TYPE_CHECKING:
@@ -155,11 +155,11 @@ def projector_of(system: Any) -> ProjectorProjection | None:
 def at(timeline: Timeline, time: float, data: Data | None, *, system: Any = None) -> Explanation | None:
     """The last search until a time; None without one, or without its database.
 
-    data : the database of the system, or of the run that the timeline is of.
-    system : what made the steps, where it is at hand: it may have a network to ask. Its database is not
-        compared with data, which fits if it was taken (`viewer.sources`), and may differ in rounding.
+    data : the database of the system, or of the run that the timeline is of (`viewer.sources.Sources` finds
+        it); it may differ in rounding, so that fingerprints are not compared again.
+    system : what may have a network to ask.
 
-    A run of another database, or of an earlier version that tells too little, is a UserError.
+    A run with other features, or of an earlier version that tells too little, is a UserError.
     """
     step = step_of(timeline, time)
     if step is None:
@@ -170,13 +170,12 @@ def at(timeline: Timeline, time: float, data: Data | None, *, system: Any = None
     data = made_on or data
     if data is None:
         return None
-    told = timeline.about.get("database")
-    if system is None and told and origin(data) and told != origin(data):
-        raise UserError("the run was not made from this database", remedy="give the one it was made from")
     record = timeline.record(step)
     missing = [name for name in NEEDED if name not in record]
     if missing:
         raise UserError(f"the run does not tell {missing[0]} of its searches", remedy="record it again")
+    if len(record["query"]) != data.schema.size:
+        raise UserError("the run was not made from this database", remedy="give the one it was made from")
     return explain(data, record, settings, projector=projector_of(system))
 
 

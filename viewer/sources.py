@@ -96,8 +96,16 @@ class Sources:
         return found
 
     def data_of(self, run: Recording) -> Data | None:
-        """The database that a run was made from, of those given."""
-        return next((data for data in self.databases.values() if origin(data) == run.database), None)
+        """The database that a run was made from, of those given: that which it names, or one that a network
+        of what it names was trained from but for rounding (`Model.check`): one given, or one that ships."""
+        named = run.database
+        same = next((data for data in self.databases.values() if origin(data) == named), None)
+        if same is not None or not named:
+            return same
+        for model in [*self.models.values(), models.load(BUILT_IN)]:
+            if isinstance(model, Model) and model.description.fingerprint == named:
+                return self._data_for(model)
+        return None
 
     def _own(self) -> dict[str, Callable[[], Part]]:
         several = len(self.databases) > 1
