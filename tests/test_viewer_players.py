@@ -19,7 +19,7 @@ from mm.controller import Controller
 from mm.recording import record
 from motion import bvh, console
 from motion.errors import UserError
-from viewer import sources
+from viewer import moments, sources
 from viewer.controls import of_keys
 from viewer.layers.terrain import AHEAD, MARGIN
 from viewer.scene import Surface
@@ -111,6 +111,27 @@ def test_what_is_recorded_plays_from_a_time_to_another_again_and_again(playing) 
     seen = [go(players, seconds=1 / 30)[2] for _ in range(80)]
     assert start - 1e-3 <= min(seen) < max(seen) <= end + 1e-3
     assert sum(after < before for before, after in itertools.pairwise(seen)) == 2
+
+
+def test_jumps_from_between_frames_leave_nothing_out(playing) -> None:
+    players = playing("walk.mmdb")
+    go(players, seconds=2.0)
+    steps = moments.of(players.members[0].timeline)["transition"]
+    assert len(steps) > 1
+    for step, later in itertools.pairwise(steps.tolist()):
+        assert players.jump("transition", step / 60) == pytest.approx(later / 60)
+        assert players.jump("transition", (step - 0.3) / 60) == pytest.approx(step / 60)
+        assert players.jump("transition", (step + 0.3) / 60, back=True) == pytest.approx(step / 60)
+        assert players.jump("transition", later / 60, back=True) == pytest.approx(step / 60)
+
+
+def test_jumps_stay_within_what_is_played(playing) -> None:
+    whole = playing("lap.rec").recorded[0].timeline
+    first, last = moments.of(whole)["transition"][[0, -1]] / 60
+    assert first < last
+    players = playing("lap.rec", start=first + 0.01, stop=last - 0.01)
+    assert players.jump("transition", last - 0.011) is None
+    assert players.jump("transition", first + 0.011, back=True) is None
 
 
 def test_a_ghost_stands_in_the_first_ones_place(playing) -> None:

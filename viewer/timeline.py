@@ -155,7 +155,12 @@ class Timeline:
 
     def step_at(self, time: float) -> int:
         """The step that leads to a time, of those remembered."""
-        return self._clip(int(np.ceil(time * self.fps - EXACTLY)))
+        return self._clip(self.steps_around(time)[1])
+
+    def steps_around(self, time: float) -> tuple[int, int]:
+        """The last step until a time and the first one from it on, remembered or not; one at a step."""
+        step = time * self.fps
+        return int(np.floor(step + EXACTLY)), int(np.ceil(step - EXACTLY))
 
     def pose(self, time: float) -> Pose:
         """Local positions [J, 3] and rotations [J, 4] at a time, seconds; outside of what is remembered those

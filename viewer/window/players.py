@@ -24,6 +24,7 @@ from ..replay import Replay
 from ..session import Session
 from ..sources import Sources
 from ..stage import Stage
+from ..timeline import EXACTLY
 from ..tuning import Tuning, Workshop
 
 SHOWN, UNEVEN = ("trajectory",), ("contacts",)  # uneven ground shows no shadows
@@ -156,13 +157,15 @@ class Players:
         return self.members[len(self.recorded) if self.names else 0]
 
     def jump(self, kind: str, now: float, *, back: bool = False) -> float | None:
-        """When the next moment of a kind (`viewer.moments.KINDS`) of anyone is, or when the last one was."""
-        found = []
+        """When the next moment of a kind (`viewer.moments.KINDS`) of anyone is, or when the last one was, of
+        those that can be looked at."""
+        found, session = [], self.session
         for member in self.members:
             timeline = member.timeline
             steps = moments.of(timeline, member.contact_roles)[kind]
-            step = (moments.before if back else moments.after)(steps, timeline.step_at(now))
-            if step is not None:
+            until, since = timeline.steps_around(now)
+            step = moments.before(steps, since) if back else moments.after(steps, until)
+            if step is not None and session.begin <= step / timeline.fps <= session.time + EXACTLY:
                 found.append(step / timeline.fps)
         return (max if back else min)(found, default=None)
 
