@@ -8,8 +8,10 @@ import functools
 import json
 import os
 import shutil
+import signal
 import sys
 import tempfile
+import threading
 import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -318,11 +320,22 @@ def _pace(each: float, unit: str) -> str:
     return f"{1 / each:.1f} {unit}/s" if 0 < each <= 1 else f"{each:,.{int(each < 100)}f} s each"
 
 
-def _interrupted(error: BaseException | None) -> bool:
-    """Whether an interrupt from the keyboard led to an error, as where it met compiled code being loaded."""
-    while error is not None and not isinstance(error, KeyboardInterrupt):
-        error = error.__cause__ or error.__context__
-    return error is not None
+@contextlib.contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """An interrupt from the keyboard waits until this is done: compiled modules that are loaded by half make
+    other errors of it, or end the program their own way."""
+    came: list[int] = []
+    main = threading.current_thread() is threading.main_thread()
+    if not main or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield
+        return
+    signal.signal(signal.SIGINT, lambda number, _: came.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    if came:
+        raise KeyboardInterrupt
 
 
 def needs(extra: str, module: str) -> Callable[[Callable[..., T]], Callable[..., T]]:
@@ -332,10 +345,9 @@ def needs(extra: str, module: str) -> Callable[[Callable[..., T]], Callable[...,
         @functools.wraps(function)
         def inner(*args: Any, **kwargs: Any) -> T:
             try:
-                __import__(module)
+                with _uninterrupted():
+                    __import__(module)
             except ImportError as error:
-                if _interrupted(error):
-                    raise KeyboardInterrupt from error
                 absent = isinstance(error, ModuleNotFoundError) and error.name == module
                 what = "is not installed" if absent else f"cannot be imported: {error}"
                 remedy = f"pip install 'motion-matching[{extra}]'"
