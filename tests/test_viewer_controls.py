@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from pathlib import Path
 
@@ -231,6 +232,40 @@ def test_a_pad_that_is_pulled_out_is_let_go_of_and_found_again(pad, tmp_path: Pa
     reader.hands()
     # A pipe without a writer ends at once: the pad was found, and is gone again.
     assert reader.state == "no gamepad"
+    again = os.open(tmp_path / "js0", os.O_RDWR)
+    os.write(again, EVENT.pack(0, 32767, BUTTON | 0x80, 1))
+    pad_clock[0] += 2
+    assert reader.hands() == Hands(crouch=True)  # nothing of what was held before
+    assert reader.state.startswith("gamepad ")
+    os.close(again)
+
+
+def test_a_pad_whose_driver_says_that_it_is_gone_is_let_go_of(pad, monkeypatch: pytest.MonkeyPatch) -> None:
+    reader, send, _ = pad
+    send((BUTTON, 1, 1))
+    assert reader.hands().crouch
+
+    def gone(*_: int) -> bytes:
+        raise OSError(errno.ENODEV, "No such device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "read", gone)
+        assert reader.hands() == Hands()
+    assert reader.state == "no gamepad"
+
+
+def test_sticks_that_do_not_come_back_to_their_middle_ask_for_nothing(pad) -> None:
+    reader, send, _ = pad
+    send(*((AXIS, number, 4000) for number in (0, 1, 3, 4)))
+    hands = reader.hands()
+    assert (hands.turn, hands.tilt) == (0, 0)
+    stick = Stick(halflife=0.0)
+    stick.hands = hands
+    assert not stick.command(1.0, HERE, np.zeros(1)).velocity.any()
+    send((AXIS, 1, -32767), (AXIS, 3, 6554 + 13107))
+    stick.hands = reader.hands()
+    assert np.linalg.norm(stick.command(2.0, HERE, np.zeros(1)).velocity) > 1
+    assert reader.hands().turn == pytest.approx(-0.5, abs=1e-3)  # of what is left beyond the first fifth
 
 
 def test_no_pad_is_no_error(tmp_path: Path) -> None:

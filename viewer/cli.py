@@ -189,8 +189,11 @@ def main(
     searches; with --systems or --course it drives a character beside it. --offscreen needs neither a window
     nor a graphics card.
 
-    In a window characters are driven by keys or a gamepad, or over a --course. --from and --to are of what is
-    recorded, --show panel opens the plots; --filmstrip, --fps and --apart are not for it.
+    In a window characters are driven by keys or a gamepad, which its first tab tells of, or over a --course.
+    --from and --to are of what is recorded, --show panel opens the plots; --filmstrip, --fps and --apart are
+    not for it. Gamepads (on Linux, the first of /dev/input/js*, also one plugged in later): the left stick or
+    cross is where to go, the right stick turns the camera, the right trigger or A runs, the left trigger
+    faces where the camera looks, B crouches.
 
     \b
     What --show names:

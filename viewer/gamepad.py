@@ -24,13 +24,20 @@ FULL = 32767
 LEFT_X, LEFT_Y, LEFT_TRIGGER, RIGHT_X, RIGHT_Y, RIGHT_TRIGGER, CROSS_X, CROSS_Y = range(8)
 A, B = 0, 1
 AGAIN = 1.0  # seconds between two looks for a pad
+# What it does, for people.
+CONTROLS = {
+    "left stick, cross": "where to go",
+    "right stick": "turn the camera",
+    "right trigger, A": "run",
+    "left trigger": "face where the camera looks",
+    "B": "crouch",
+}
 
 
 class Gamepad:
     """The first gamepad there is: looked for when there is none, and let go of when it is pulled out.
 
-    Left stick or cross: where to go. Right stick: the camera. Right trigger or A: run. Left trigger: face
-    where the camera looks. B: crouch.
+    What its sticks and buttons do is told by `CONTROLS`.
 
     state : what there is, for people.
     """

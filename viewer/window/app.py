@@ -71,13 +71,14 @@ class Window:
         self._line = gui.Label("")
         self._line.visible = False
         self.bar = Bar(players, em, tell=self.tell)
-        self.watch = Watch()
+        self.watch, self.pad = Watch(), Gamepad()
         self._view = view or views.View(azimuth=np.pi)
         self.side = Side(
             self.window,
             players,
             em,
             watch=self.watch,
+            pad=self.pad,
             camera=self._view.kind,
             on_players=self._begin,
             on_camera=self._set_camera,
@@ -90,7 +91,6 @@ class Window:
         self.window.set_on_tick_event(self._tick)
         self._software, self._drawn = software, -np.inf
         self.drawing = Drawing(self.scene, pixels=size[1] / STANDARD, smooth=not software)
-        self.pad = Gamepad()
         self.held: set[str] = set()
         self.frames = 0
         self._before, self._told, self._refreshed = clock(), -np.inf, -np.inf

@@ -15,6 +15,7 @@ from motion.errors import UserError
 
 from .. import export, layers, panel, views
 from ..controls import KEYS
+from ..gamepad import CONTROLS, Gamepad
 from ..scene import DARK, colour, levels
 from ..tuning import Slider
 from . import searches
@@ -24,6 +25,7 @@ from .watch import Watch
 THEME = DARK  # Open3D's widgets are dark
 TABS = ("Systems", "Settings", "Show", "Search", "Plots")
 SETTINGS = {".toml": "settings (.toml)"}
+SCHEMA = {".toml": "schemas with weights (.toml)"}
 MOTION = {".bvh": "motion (.bvh)", ".glb": "motion with the body (.glb)", ".rec": "runs (.rec)"}
 _ROUNDED = 1e-5  # of a slider's length
 _OTHERS = {
@@ -44,6 +46,7 @@ class Side:
     players : whom they tell of, and change.
     em : pixels of a letter's height.
     watch : tells how long frames take.
+    pad : tells whether there is a gamepad.
     camera : which of `viewer.views.KINDS` it is at first.
     on_players : called when others play than before.
     tell : shows a user a line.
@@ -61,6 +64,7 @@ class Side:
         em: float,
         *,
         watch: Watch,
+        pad: Gamepad,
         camera: str,
         on_players: Callable[[], None],
         on_camera: Callable[[str], None],
@@ -68,7 +72,7 @@ class Side:
     ) -> None:
         self._window, self._players, self._em, self._tell = window, players, em, tell
         self._on_players, self._on_camera, self._camera = on_players, on_camera, camera
-        self._watch = watch
+        self._watch, self._pad = watch, pad
         self.widget = gui.TabControl()
         self.sliders: dict[str, Any] = {}
         self.buttons: dict[str, Any] = {}
@@ -89,6 +93,7 @@ class Side:
     def refresh(self, time: float, errors: Any) -> None:
         """Tell of a time, as far as it is seen."""
         self._state.text = "\n".join([*(f"{n}: {e}" for n, e in errors.items()), *self._working()])
+        self._pads.text = self._pad.state
         tab = TABS[self.widget.selected_tab_index]
         if tab == "Search":
             self._put(self._picture, partial(self._searched, time))
@@ -156,6 +161,9 @@ class Side:
         told = [f"{key}: {about}" for about, key in keys.items()]
         told += [f"{key}: {about}" for key, about in _OTHERS.items()]
         column.add_child(gui.Label("\n".join(told)))
+        self._pads = gui.Label(self._pad.state)
+        column.add_child(self._pads)
+        column.add_child(gui.Label("\n".join(f"{part}: {about}" for part, about in CONTROLS.items())))
         return column
 
     def _choose(self, name: str, on: bool) -> None:
@@ -212,7 +220,8 @@ class Side:
         who.selected_text = self._tuned
         who.set_on_selection_changed(lambda name, _: self._tune(name))
         buttons = gui.Horiz(0.3 * self._em)
-        for words, what in (("Reset", self._reset), ("Load...", self._load), ("Save...", self._save)):
+        whats = {"Reset": self._reset, "Load...": self._load, "Save...": self._save}
+        for words, what in (whats | {"Save weights...": self._save_weights}).items():
             self.buttons[words] = _button(words, what)
             buttons.add_child(self.buttons[words])
         for child in (who, buttons, self._settings):
@@ -224,6 +233,7 @@ class Side:
         """The sliders of a system."""
         self._tuned, self.sliders = name, {}
         tuning = self._players.tunings[name]
+        self.buttons["Save weights..."].enabled = bool(tuning.weight_sliders)
         rows = gui.VGrid(2, 0.3 * self._em)
         for slider in tuning.sliders:
             self._row(rows, slider, getattr(tuning.settings, slider.name), tuning.set)
@@ -277,6 +287,7 @@ class Side:
     def _load(self) -> None:
         def load(path: str) -> None:
             self._tuned_anew(self._players.tunings[self._tuned].load(path))
+            self._tell(f"{self._tuned} goes by {path}")
 
         self._ask(gui.FileDialog.OPEN, "Settings to load", SETTINGS, load)
 
@@ -286,6 +297,13 @@ class Side:
             self._tell(f"wrote {path}")
 
         self._ask(gui.FileDialog.SAVE, "Where to save the settings", SETTINGS, save)
+
+    def _save_weights(self) -> None:
+        def save(path: str) -> None:
+            self._players.tunings[self._tuned].save_schema(path)
+            self._tell(f"wrote {path}, for --schema of `mm build`")
+
+        self._ask(gui.FileDialog.SAVE, "Where to save the features' weights", SCHEMA, save)
 
     def _export(self) -> None:
         def write(path: str) -> None:
