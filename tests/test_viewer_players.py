@@ -113,6 +113,14 @@ def test_what_is_recorded_plays_from_a_time_to_another_again_and_again(playing) 
     assert sum(after < before for before, after in itertools.pairwise(seen)) == 2
 
 
+def test_searches_of_who_makes_them_are_explained(playing) -> None:
+    players = playing("walk.mmdb", models={"pfnn": pfnn_models.model()}, systems=["pfnn", "mm"])
+    go(players, seconds=0.2)
+    assert (players.first.name, players.searching.name) == ("pfnn", "mm")
+    players.choose(["pfnn"])
+    assert players.searching.name == "pfnn" and players.searching.explanation(1.0) is None
+
+
 def test_jumps_from_between_frames_leave_nothing_out(playing) -> None:
     players = playing("walk.mmdb")
     go(players, seconds=2.0)

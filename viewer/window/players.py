@@ -156,6 +156,12 @@ class Players:
         """Whom the camera follows: the first one who is driven."""
         return self.members[len(self.recorded) if self.names else 0]
 
+    @property
+    def searching(self) -> Member:
+        """Whose searches are explained: the first one who makes any."""
+        who = (self.first, *self.members)
+        return next((each for each in who if "searched" in each.timeline.names), self.first)
+
     def jump(self, kind: str, now: float, *, back: bool = False) -> float | None:
         """When the next moment of a kind (`viewer.moments.KINDS`) of anyone is, or when the last one was, of
         those that can be looked at."""

@@ -15,11 +15,23 @@ from ..scene import Theme, colour
 Image = NDArray[np.uint8]
 
 _ROW, _LETTERS = 15, 11  # pixels
-NONE = "no search that could be explained: of a run that takes\nthe database that it was recorded with"
+NONE = (
+    "no search that could be explained: some networks make none,\n"
+    "and a run's take the database that it was recorded with"
+)
 
 
-def drawn(explanation: Explanation | None, theme: Theme, size: tuple[int, int], scale: float = 1.0) -> Image:
+def drawn(
+    explanation: Explanation | None,
+    theme: Theme,
+    size: tuple[int, int],
+    scale: float = 1.0,
+    *,
+    name: str = "",
+) -> Image:
     """A picture of a size (width, height), uint8 [H, W, 3]; as many candidates as there is room for.
+
+    name : whose search it is, where that is to be said.
 
     Of each: what became of it, its clip and time there, its cost, the reason, on a line of its own where it
     is long; below that its cost by feature, green where it is nothing, red where it is the dearest of all.
@@ -38,8 +50,9 @@ def drawn(explanation: Explanation | None, theme: Theme, size: tuple[int, int], 
     rows = [*explanation.candidates, *([explanation.answer] if explanation.answer else [])]
     top = max((float(each.costs.max()) for each in rows), default=0.0) or 1.0
     playing = f"to play on costs {explanation.playing_cost:.3g}; others must be below {explanation.bound:.3g}"
+    playing = f"{name}: {playing}" if name else playing
     large = bold if draw.textlength(playing, bold) <= width - 12 else font
-    draw.text((6, 3), playing, font=large, fill=ink)
+    draw.text((6, 3), fitting(playing, large, width - 12), font=large, fill=ink)
     cells = np.linspace(6, width - 6, len(explanation.features) + 1)
     y = row + 6
     for k, name in enumerate(explanation.features):
@@ -58,7 +71,8 @@ def drawn(explanation: Explanation | None, theme: Theme, size: tuple[int, int], 
             y += row
         for k, (cost, colour_of) in enumerate(zip(each.costs, colours.graded(each.costs / top), strict=True)):
             draw.rectangle((cells[k], y, cells[k + 1] - 2, y + row), fill=_bytes(colour_of))
-            draw.text((cells[k] + 2, y + 1), f"{cost:.2f}", font=font, fill=(0, 0, 0))
+            told = f"{cost:.2f}" if cost >= 0.1 else f"{cost:.1g}"
+            draw.text((cells[k] + 2, y + 1), told, font=font, fill=(0, 0, 0))
         y += row + 8
     return np.asarray(canvas)
 

@@ -101,12 +101,14 @@ class Side:
             self._put(self._plot, partial(self.plots, time))
 
     def _searched(self, time: float, size: tuple[int, int]) -> Any:
+        who = self._players.searching
         try:
-            found = self._players.first.explanation(time)
+            found = who.explanation(time)
         except UserError as error:
             self._tell(str(error))
             found = None
-        return searches.drawn(found, THEME, size, self._em / 15)
+        name = who.name if len(self._players.members) > 1 else ""
+        return searches.drawn(found, THEME, size, self._em / 15, name=name)
 
     def plots(self, time: float, size: tuple[int, int]) -> Any:
         """The panels of all and of the window, one below the other, as large as there is room for in (width,
