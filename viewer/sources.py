@@ -100,7 +100,7 @@ class Sources:
         of what it names was trained from but for rounding (`Model.check`): one given, or one that ships."""
         named = run.database
         same = next((data for data in self.databases.values() if origin(data) == named), None)
-        if same is not None or not named:
+        if same is not None or not named or not self.databases:
             return same
         for model in [*self.models.values(), models.load(BUILT_IN)]:
             if isinstance(model, Model) and model.description.fingerprint == named:

@@ -71,7 +71,7 @@ def drawn(
             y += row
         for k, (cost, colour_of) in enumerate(zip(each.costs, colours.graded(each.costs / top), strict=True)):
             draw.rectangle((cells[k], y, cells[k + 1] - 2, y + row), fill=_bytes(colour_of))
-            told = f"{cost:.2f}" if cost >= 0.1 else f"{cost:.1g}"
+            told = f"{cost:.2f}" if cost >= 0.1 else f"{round(float(cost), 4):.1g}"
             draw.text((cells[k] + 2, y + 1), told, font=font, fill=(0, 0, 0))
         y += row + 8
     return np.asarray(canvas)
