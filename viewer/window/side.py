@@ -35,6 +35,7 @@ _OTHERS = {
     "r": "begin again",
     "1, 2, 3": "to the next transition, slide, cost peak",
     "mouse": "turn the camera; its wheel: nearer",
+    "escape": "close the window",  # Open3D does that, whatever it is told of the key
 }
 
 
