@@ -16,6 +16,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from mm.settings import Settings
+from motion import config
 from viewer.replay import Replay
 from viewer.window.eye import DRAG, WHEEL, Eye
 
@@ -85,6 +87,12 @@ def test_a_slider_changes_the_motion_until_it_is_reset(told: dict[str, Any]) -> 
     way, slow = (np.hypot(told[name]["x"], told[name]["z"]) for name in ("ahead", "slowly"))
     assert 0.2 < slow < 0.8 * way
     assert told["reset"] == 0.27
+
+
+@opens
+def test_settings_are_saved_by_the_name_that_is_written(folder: Path, told: dict[str, Any]) -> None:
+    assert config.load(Settings, folder / "w.toml").velocity_halflife == told["set"]
+    assert not told["held while a name is written"]
 
 
 @opens

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ctypes
 import json
+import os
 import signal
 import sys
 import tempfile
@@ -180,6 +181,15 @@ class Script:
         self.hand.key("r", False)
         yield from self.hold("w", 1.5)
         told["slowly"] = self.where()
+        yield from self.click(side.buttons["Save..."])
+        yield from self.press(350, 70)  # where the dialog has the file's name, and below what saves
+        self.hand.key("w", True)
+        yield from self.draw()
+        told["held while a name is written"] = list(shown.held)
+        self.hand.key("w", False)
+        yield from self.draw()
+        yield from self.press(478, 361)
+        yield from self.until(lambda: not side.asking)
         yield from self.click(side.buttons["Reset"])
         told["reset"] = system.settings.velocity_halflife
 
@@ -194,7 +204,7 @@ class Script:
         told["transitions"] = moments.of(session.actors["mm"].timeline)["transition"].tolist()
 
         eye.distance, eye.azimuth, eye.elevation = 4.0, np.pi + told["ahead"]["yaw"], 0.2
-        yield from self.go(1.0)  # for the camera to come along
+        yield from self.go(4.5)  # for the camera to come along, and what is told to go
         yield from self.settled()
         self.keep("window")
         size = shown.scene.frame.width, shown.scene.frame.height
@@ -229,7 +239,8 @@ def dances(seconds: float = 60.0) -> sources.Sources:
 
 
 if __name__ == "__main__":
-    script = Script(Path(sys.argv[1]))
+    script = Script(Path(sys.argv[1]).resolve())
+    os.chdir(script.folder)  # where dialogs begin
     try:
         window.run(
             dances(),
