@@ -23,6 +23,9 @@ CHARACTER = np.dtype(
         # Seconds until the next search is due, and until one may be forced again.
         ("until_search", np.float32),
         ("until_forced", np.float32),
+        # The frame that the last jump left, and seconds until one may jump back there.
+        ("left", np.int32),
+        ("until_back", np.float32),
         # The ground root: as the data plays it, its inertialization offset, and as shown (their sum).
         ("data_root", np.float32, 3),
         ("root_offset", np.float32, 3),

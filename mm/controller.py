@@ -298,6 +298,10 @@ class Controller:
         self._sources[who] = state.origins()
         self._lap("query")
         candidates, costs, found = self.stages.projection.project(queries, state, bound, needed, avoided)
+        origins = candidates.origins()
+        self._candidates[who] = np.where(found, origins, -1)
+        radius = round(self.settings.ignore_radius * self.fps)
+        self._kernels.turn_back(self.characters, who, origins, forced, radius, 1 / self.fps, found)
         hits = np.count_nonzero(found)
         if hits < len(who):
             self._check_possible(who, forced & ~found, needed, avoided)
@@ -305,7 +309,6 @@ class Controller:
             self._jump(who[found], candidates.take(np.flatnonzero(found)))
             features = self.state.take(who).features()
         self._queries[who], self._played[who] = queries, features
-        self._candidates[who] = np.where(found, candidates.origins(), -1)
         self._cost_current[who], self._cost_candidate[who] = current, costs
         self._lap("projection")
 
@@ -331,6 +334,8 @@ class Controller:
 
     def _jump(self, who: NDArray[np.int64], destination: stages.State) -> None:
         """Transition characters who to the destination states, inertialized."""
+        self.characters["left"][who] = self._sources[who]
+        self.characters["until_back"][who] = self.settings.reselect_time
         self._blend(who, destination)
         self.state.put(who, destination)
         self._moved[who] = True

@@ -92,6 +92,7 @@ def control(characters, velocity, yaw, turn_rate, required_tags, forbidden_tags,
         # Half a frame of tolerance: timers count whole frames, whatever the rounding.
         c.forced = retagged or (settled and c.until_forced < dt / 2)
         c.until_forced = s.search_interval if c.forced else c.until_forced - dt
+        c.until_back -= dt
         c.searching = c.forced or ended[i] or c.until_search < dt / 2
         c.until_search = (s.search_interval if c.searching else c.until_search) - dt
         if c.searching:
@@ -205,6 +206,19 @@ def ask(
         cost = row_cost(query, row) if terms is None else terms_cost(query, row, terms)
         costs[m] = np.inf if forced[m] else cost
         bounds[m] = costs[m] * share
+
+
+@_jit
+def turn_back(characters, who, frames, forced, radius, dt, found):
+    """Keep characters who [M] from jumping to frames [M] that they left a moment ago.
+
+    What is found [M] is so no more within a radius of such a frame, unless who found it is forced [M] to go
+    on elsewhere; frames of -1 are none.
+    """
+    for m in range(len(who)):
+        c = characters[who[m]]
+        if c.until_back > dt / 2 and frames[m] >= 0 and abs(frames[m] - c.left) < radius and not forced[m]:
+            found[m] = False
 
 
 @_jit

@@ -55,6 +55,7 @@ def control(characters, velocity, yaw, turn_rate, required_tags, forbidden_tags,
     )
     c["forced"] = retagged | (settled & (c["until_forced"] < dt / 2))
     c["until_forced"] = np.where(c["forced"], s["search_interval"], c["until_forced"] - dt)
+    c["until_back"] -= dt
     c["searching"] = c["forced"] | ended | (c["until_search"] < dt / 2)
     c["until_search"] = np.where(c["searching"], s["search_interval"], c["until_search"]) - dt
     c["velocity_change"], c["yaw_change"] = velocity_change, yaw_change
@@ -132,6 +133,13 @@ def ask(
             costs += np.linalg.norm(off, axis=-1) ** (2 if kind == SQUARED else 1)
     costs[forced] = np.inf
     bounds[:] = costs * share
+
+
+def turn_back(characters, who, frames, forced, radius, dt, found):
+    """See `mm.kernels.turn_back`."""
+    c = characters[who]
+    near = (frames >= 0) & (np.abs(frames - c["left"]) < radius)
+    found &= ~(near & (c["until_back"] > dt / 2) & ~forced)
 
 
 def transition(who, characters, positions, rotations, velocities, angular, offsets,

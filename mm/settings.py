@@ -21,6 +21,9 @@ class Settings:
     ----------
     search_interval : time between searches.
     ignore_radius : frames of the current range nearer than this are no candidates (the jump threshold).
+    reselect_time : for so long after a jump no other one leads back to within ignore_radius of the frame that
+        it left, unless what plays cannot go on. With 0 two stretches of which each soon costs more than the
+        other, a clip and its mirrored copy most of all, can take turns while the character glides.
     ignore_end : the last stretch of every range is no candidate.
     continuing_bias : share by which a candidate must be cheaper than playing on, in [0, 1). Without one, two
         frames that cost nearly the same can take turns, and a frozen pose glides.
@@ -43,6 +46,7 @@ class Settings:
 
     search_interval: float = 0.1
     ignore_radius: float = 1 / 3
+    reselect_time: float = 1 / 3
     ignore_end: float = 1 / 3
     continuing_bias: float = 0.2
     forced_search_change: float = 50 / 60

@@ -335,6 +335,37 @@ def test_a_continuing_bias_jumps_less_often(database):
     assert 0 < biased < plain
 
 
+def test_nobody_turns_back_at_once_to_what_was_left(database):
+    """Jumps to within the radius of the frame that the one before left come later than so many frames."""
+
+    def returns(settings: Settings) -> np.ndarray:
+        records = drive(Controller(database, count=8, settings=settings), 600)
+        names = ("transition", "source", "candidate", "cost_current")
+        moved, source, found, playing = (stack(records, name) for name in names)
+        out = []
+        for who in range(8):
+            for before, jump in pairwise(np.flatnonzero(moved[:, who])):
+                near = abs(found[jump, who] - source[before, who]) < 20
+                if near and np.isfinite(playing[jump, who]):  # who can play on
+                    out.append(jump - before)
+        return np.array(out)
+
+    free = Settings(reselect_time=0, continuing_bias=0)
+    held = Settings(reselect_time=1.0, continuing_bias=0)
+    assert returns(free).min() < 60 <= returns(held).min(initial=600)
+
+
+def test_turning_back_is_kept_off_but_from_where_nothing_goes_on():
+    characters = np.zeros(7, CHARACTER)
+    characters["left"], characters["until_back"] = 100, [0.2, 0.2, 0.2, 0.2, 0.2, 0.0, 0.2]
+    frames = np.array([104, 105, 96, -1, 100, 100], np.int32)
+    who, forced = np.arange(6), np.arange(6) == 4
+    for module in (kernels, kernels_numpy):
+        found = np.ones(6, np.bool_)
+        module.turn_back(characters, who, frames, forced, 5, 1 / 60, found)
+        assert found.tolist() == [False, True, False, True, True, True]
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

@@ -132,7 +132,7 @@ def test_the_reasons_are_true(database) -> None:
     settings = Settings(continuing_bias=0.4)
     timeline = drive(Controller(database, settings=settings), database).actors["it"].timeline
     ends, starts = database.stops[database.ranges()], database.starts[database.ranges()]
-    seen = set()
+    seen, jumps = set(), [(-100, -100)]  # steps, and the frames that were left
     for step, each in zip(searches(timeline), explained(timeline, database, count=30), strict=True):
         record = timeline.record(step)
         costs = [candidate.cost for candidate in each.candidates]
@@ -161,13 +161,18 @@ def test_the_reasons_are_true(database) -> None:
             else:
                 assert not (near or end or wrong)
                 bound = {explain.CHOSEN: 0.6, explain.BEATEN: 0.6}.get(one.verdict, 1.0)
-                if one.verdict in (explain.CHOSEN, explain.BEATEN, explain.BIAS):
+                if one.verdict == explain.LEFT:
+                    (when, left), bound = jumps[-1], 0.6
+                    assert step - when < 20 and abs(f - left) < 20 and not record["transition"]
+                if one.verdict in (explain.CHOSEN, explain.LEFT, explain.BEATEN, explain.BIAS):
                     assert one.cost < bound * record["cost_current"] * (1 + 1e-6)
                 else:
                     assert one.verdict == explain.DEARER
                     assert one.cost >= record["cost_current"]
+        if record["transition"]:
+            jumps.append((step, int(record["source"])))
     expected = {explain.CHOSEN, explain.PLAYING, explain.NEAR, explain.TAGS, explain.DEARER, explain.BEATEN}
-    assert expected | {explain.BIAS} <= seen
+    assert expected | {explain.BIAS, explain.LEFT} <= seen
 
 
 def test_a_table_has_a_row_a_candidate_and_a_column_a_feature(database) -> None:

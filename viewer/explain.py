@@ -35,8 +35,9 @@ NEEDED = ("query", "source", "required_tags", "forbidden_tags", "candidate", "co
 COUNT = 12  # candidates that are shown
 DISTINCT = 0.2  # seconds: frames of a clip that are nearer to each other show the same moment
 
-CHOSEN, PLAYING, NEAR, END, TAGS, DEARER, BIAS, BEATEN, MISSED, ANSWER = (
+CHOSEN, LEFT, PLAYING, NEAR, END, TAGS, DEARER, BIAS, BEATEN, MISSED, ANSWER = (
     "chosen",
+    "just left",
     "playing",
     "too near",
     "clip's end",
@@ -281,6 +282,8 @@ class _Search:
         settings, cost = self.settings, self.costs[frame]
         if frame == self.found and self.jumped:
             return CHOSEN, f"the character jumped here: {self._why()}"
+        if frame == self.found and self.found_cost < self.bound:
+            return LEFT, f"the character left it less than {settings.reselect_time:.2g} s ago"
         if frame == self.source:
             if np.isfinite(self.current):
                 return PLAYING, f"it plays: to play on costs {self.current:.3g}"
@@ -320,7 +323,7 @@ class _Search:
             return f"not taken: to play on costs {self.current:.3g}, this {self.found_cost:.3g}"
         if self.found_cost >= self.bound:
             return f"not taken: to be cheaper enough takes {self.bound:.3g}, it costs {self.found_cost:.3g}"
-        return "not taken: it is what was answered last"
+        return "not taken: it is what was answered last, or what was left just now"
 
     def _why(self) -> str:
         """Why there was a jump."""

@@ -27,6 +27,7 @@ _HALFLIFE, _SHARE, _SPEED = (0.0, 1.0, "s"), (0.0, 1.0, ""), (0.0, 8.0, "m/s")
 RANGES: dict[str, tuple[float, float, str]] = {
     "search_interval": (0.0, 0.5, "s"),
     "ignore_radius": (0.0, 1.0, "s"),
+    "reselect_time": (0.0, 1.0, "s"),
     "ignore_end": (0.0, 1.0, "s"),
     "continuing_bias": (0.0, 0.9, ""),
     "forced_search_change": (0.0, 3.0, "m/s or rad"),
