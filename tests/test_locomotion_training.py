@@ -288,28 +288,6 @@ def test_all_joints_of_a_large_rig_count_and_are_off_as_those_of_an_ordinary_one
     np.testing.assert_allclose((further / off)[moved], np.where(joints, more, 1)[moved], rtol=1e-6)
 
 
-def test_joints_fade_towards_their_mean_over_the_second_around_them(kind, database, data) -> None:
-    """Half of the samples by any share up to the most, all joints of one by the same, nothing else."""
-    stage = STAGES[kind](data, settings(kind, faded=0.8))
-    stage.begin()
-    frame, rows = data.frames.frame, np.linspace(0, len(data.frames.frame) - 1, 400).astype(np.int64)
-    x = torch.from_numpy(data.frames.x[rows])
-    found = stage._fade(x, torch.from_numpy(rows), np.random.default_rng(0)).numpy()
-    columns = np.zeros(x.shape[1], bool)
-    for block in data.layout.inputs.keys() & {"positions", "rotations", "velocities"}:
-        columns[data.layout.inputs[block]] = True
-    np.testing.assert_array_equal(found[:, ~columns], x.numpy()[:, ~columns])
-    shares, of_range = [], database.ranges()[frame]
-    for row, before, after in zip(rows, data.frames.x[rows][:, columns], found[:, columns], strict=True):
-        own = np.flatnonzero(of_range == of_range[row])
-        around = (row + np.rint(np.linspace(-30, 30, 9)).astype(int)).clip(own[0], own[-1])
-        away = data.frames.x[around][:, columns].mean(axis=0) - before
-        shares.append((after - before) @ away / (away @ away))
-        np.testing.assert_allclose(after - before, shares[-1] * away, atol=1e-4)
-    assert np.mean(np.array(shares) > 1e-6) == pytest.approx(0.5, abs=0.1)
-    assert min(shares) > -1e-6 and 0.7 < max(shares) <= 0.8001
-
-
 def test_what_is_trained_drives_characters(kind, trained) -> None:
     driven = CONTROLLERS[kind](trained, count=2)
     for _ in range(30):

@@ -35,7 +35,6 @@ STATISTICS = 20_000  # frames that means and deviations are of
 # Deviation of what is asked: who was trained on one gait, straight on, or on level ground, meets others.
 LEAST = 0.1
 ASKED = {"path", "facing", "going", "speeds"}  # blocks of inputs that are asked for, if not alone
-AROUND = 9  # frames of a second whose mean stands for that of all
 WORK = 300_000_000  # bytes that statistics, weights and batches take, whatever the data
 
 
@@ -169,11 +168,6 @@ class LocomotionStage:
         self.network.to(device)
         self._x, self._y = (torch.from_numpy(array).to(device) for array in (found.x, found.y))
         self._starts = data.starts(self.settings.window)
-        # Of each row the first and the last one of its motion, and rows over a second that stand for it.
-        last = np.append(np.flatnonzero(np.diff(found.frame) != 1), len(found.frame) - 1)
-        lengths = np.diff(last, prepend=-1)
-        self._ends = np.repeat(last - lengths + 1, lengths), np.repeat(last, lengths)
-        self._around = np.rint(np.linspace(-0.5, 0.5, AROUND) * data.database.fps).astype(np.int64)
         judged = {p: rows for p in PARTS if len(rows := data.sample(JUDGED, p))}
         runs = {p: rows for p in judged if len(rows := data.sample(RUNS, p, window=HORIZONS[-1]))}
         self._judged = {p: data.seen(rows) for p, rows in judged.items()}
@@ -212,8 +206,6 @@ class LocomotionStage:
                 self._data.lay(x, y, rows.numpy(), which, step)
             if found is not None:
                 x = self._fed_back(x, found * network.output_std + network.output_mean)
-            elif settings.faded:
-                x = self._fade(x, rows + step, draw)
             x = (x - network.input_mean) / network.input_std
             if found is None and self._noisy:
                 amounts = draw.random((len(rows), 1)) * draw.standard_normal((len(rows), x.shape[1]))
@@ -230,18 +222,6 @@ class LocomotionStage:
     def _besides(self) -> Mapping[str, Tensor]:
         """What else is made small."""
         return {}
-
-    def _fade(self, x: Tensor, rows: Tensor, draw: np.random.Generator) -> Tensor:
-        """Inputs [N, I] of rows [N] with some of their joints drawn to their means around those rows."""
-        share = self._how.faded * draw.random((len(rows), 1)) * (draw.random((len(rows), 1)) < 0.5)
-        around = rows.numpy()[:, None] + self._around
-        around = around.clip(*(ends[rows.numpy()][:, None] for ends in self._ends))
-        into, _ = self._joints
-        own = self._x[:, into]
-        away = own[torch.from_numpy(around).to(x.device)].mean(dim=1) - own[rows.to(x.device)]
-        x = x.clone()
-        x[:, into] += torch.from_numpy(share.astype(np.float32)).to(x.device) * away
-        return x
 
     def _fed_back(self, x: Tensor, y: Tensor) -> Tensor:
         """True inputs [N, I] with the joints that the network put out for the frame before, and with a

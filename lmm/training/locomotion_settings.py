@@ -21,9 +21,6 @@ class LocomotionStageSettings(StageSettings):
         their block; each sample by another amount. A walk backwards lies half a deviation from one ahead
         where the data runs: who is told of the way no better than that answers what is rare with what is
         common.
-    faded : share by which the joints that go in are at most drawn to their mean over the second around them,
-        of half of the samples. Who stands in a pose that is carried along has faded all the way: a network
-        without a phase, which never saw that, stays in it.
     ordinary : joints of an ordinary rig. Those of a larger one repeat one another: each by itself they would
         outweigh the trajectory, and what they are off by would cancel. They count together, and are off
         together, as so many. 0 for each by itself. Joints that do not count (fingers) are not counted.
@@ -34,7 +31,6 @@ class LocomotionStageSettings(StageSettings):
     keep: float = 0.7
     noise: float = 0.0
     asked_noise: float = 0.0
-    faded: float = 0.0
     ordinary: int = 0
 
     def __post_init__(self) -> None:
@@ -44,7 +40,6 @@ class LocomotionStageSettings(StageSettings):
             ("keep", 0.01, 1),
             ("noise", 0, 10),
             ("asked_noise", 0, 10),
-            ("faded", 0, 1),
             ("ordinary", 0, 1e6),
         )
         for name, least, most in ranges:

@@ -78,6 +78,5 @@ def _reference(name: str) -> MannTraining:
 
 
 def _ours(name: str) -> MannTraining:
-    """As all such networks are trained by us, products of bfloat16; it has no phase to keep it going."""
-    stage = MannStageSettings(**ours(name), epochs=0, joint_scale=0.3, faded=0.9)
-    return MannTraining(precision="bfloat16", mann=stage)
+    """As all such networks are trained by us, products of bfloat16."""
+    return MannTraining(precision="bfloat16", mann=MannStageSettings(**ours(name), epochs=0, joint_scale=0.3))
