@@ -95,7 +95,7 @@ def test_ties_are_told_as_ties():
     text = sentences(found)
     assert "Faster, for more memory: lmm-D (5" in text and "100 MB)" not in text
     assert verdict.of(found).budgets == ("lmm-PSD", "lmm-D")
-    assert "No system is shown to be better than mm-exact in foot skate or distance from the path." in text
+    assert "No system is shown to be better than mm-exact in foot skate, distance from the path or jerk." in text
     # Two of the very same motion.
     same = found.runs[found.runs["system"] == "mm-exact"].assign(system="mm-kdtree")
     rows = found.summary[found.summary["system"] == "mm-exact"].assign(system="mm-kdtree")
@@ -108,7 +108,9 @@ def test_who_is_better_is_told_with_how_much():
     found = measured({"mm-exact": MM, "lmm-D": (20.0, 80.0, {"skate_cm_s": 5.0})})
     text = sentences(found)
     assert re.search(r"Better than mm-exact: lmm-D in foot skate \(−5[\d.]* ± [\d.]+ cm/s\)\.", text)
-    assert "No system is shown to be better than mm-exact in distance from the path." in text
+    assert "No system is shown to be better than mm-exact in distance from the path or jerk." in text
+    smooth = sentences(measured({"mm-exact": MM, "lmm-PSD": (2.0, 150.0, {"jerk_m_s3": 60.0})}))
+    assert re.search(r"Better than mm-exact: lmm-PSD in jerk \(−[\d.]+ ± [\d.]+ m/s³\)\.", smooth)
 
 
 def test_what_answers_nothing_is_not_as_good_for_what_it_answers():
