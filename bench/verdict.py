@@ -61,7 +61,7 @@ QUALITY = (
     Metric("real_cm", "distance from real poses", "cm", 0.5),
     Metric("pose_cm", "error of decoded poses", "cm", 1.0, of_all=False, sampled=False),
 )
-BEST = ("skate_cm_s", "path_cm", "jerk_m_s3", "real_cm")  # of these it is told who has less than the reference
+BEST = ("skate_cm_s", "path_cm", "jerk_m_s3", "real_cm")  # it is told who has less than the reference
 
 
 class Limit(NamedTuple):
