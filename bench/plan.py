@@ -23,7 +23,7 @@ class Plan:
     indexes: tuple[str, ...] = ("exact",)
     codecs: tuple[str, ...] = (
         "recomputed",
-        "quantised-11+features-8bit",
+        "quantised-16+features-8bit",
         "keyframes-0.5+quantised-11+features-8bit",
     )
 
@@ -36,5 +36,5 @@ QUICK = Plan(
     repeats=2,
     crowd=(1, 16, 256),
     crowd_seconds=1.0,
-    codecs=("quantised-11+features-8bit",),
+    codecs=("quantised-16+features-8bit",),
 )
