@@ -216,8 +216,9 @@ def turn_back(characters, who, frames, forced, radius, dt, found):
     on elsewhere; frames of -1 are none.
     """
     for m in range(len(who)):
-        c = characters[who[m]]
-        if c.until_back > dt / 2 and frames[m] >= 0 and abs(frames[m] - c.left) < radius and not forced[m]:
+        c, frame = characters[who[m]], frames[m]
+        near = frame >= 0 and c.left >= 0 and abs(frame - c.left) < radius
+        if near and c.until_back > dt / 2 and not forced[m]:
             found[m] = False
 
 

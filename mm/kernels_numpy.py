@@ -138,7 +138,7 @@ def ask(
 def turn_back(characters, who, frames, forced, radius, dt, found):
     """See `mm.kernels.turn_back`."""
     c = characters[who]
-    near = (frames >= 0) & (np.abs(frames - c["left"]) < radius)
+    near = (frames >= 0) & (c["left"] >= 0) & (np.abs(frames - c["left"]) < radius)
     found &= ~(near & (c["until_back"] > dt / 2) & ~forced)
 
 

@@ -358,12 +358,13 @@ def test_nobody_turns_back_at_once_to_what_was_left(database):
 def test_turning_back_is_kept_off_but_from_where_nothing_goes_on():
     characters = np.zeros(7, CHARACTER)
     characters["left"], characters["until_back"] = 100, [0.2, 0.2, 0.2, 0.2, 0.2, 0.0, 0.2]
-    frames = np.array([104, 105, 96, -1, 100, 100], np.int32)
-    who, forced = np.arange(6), np.arange(6) == 4
+    characters["left"][6] = -1  # what a network made up
+    frames = np.array([104, 105, 96, -1, 100, 100, 1], np.int32)
+    who, forced = np.arange(7), np.arange(7) == 4
     for module in (kernels, kernels_numpy):
-        found = np.ones(6, np.bool_)
+        found = np.ones(7, np.bool_)
         module.turn_back(characters, who, frames, forced, 5, 1 / 60, found)
-        assert found.tolist() == [False, True, False, True, True, True]
+        assert found.tolist() == [False, True, False, True, True, True, True]
 
 
 @pytest.mark.parametrize(
