@@ -17,6 +17,7 @@ from lmm.evaluation.phase import free_run, joint_errors, windows  # noqa: E402
 from lmm.locomotion.labelling import labels_of  # noqa: E402
 from lmm.locomotion.model import LocomotionModel  # noqa: E402
 from lmm.locomotion.statistics import joint_weights  # noqa: E402
+from lmm.mann import sway  # noqa: E402
 from lmm.mann.controller import MannController  # noqa: E402
 from lmm.mann.layout import from_axes, to_axes  # noqa: E402
 from lmm.mann.model import MannModel  # noqa: E402
@@ -99,8 +100,10 @@ def test_windows_stay_within_ranges_and_off_those_held_out(database, data) -> No
     assert len(windows(data.frames.frame, 10_000)) == 0
 
 
-def test_the_vectors_take_the_memory_that_is_told(database, data) -> None:
+def test_the_vectors_take_the_memory_that_is_told(kind, database, data) -> None:
     taken = data.frames.x.nbytes + data.frames.y.nbytes
+    if kind == "mann":
+        taken += sway.sways(database, data.labels).nbytes
     told = data.memory() - LIBRARIES - WORK
     assert taken < told < 1.1 * taken
 
@@ -264,6 +267,45 @@ def test_gates_see_joints_whatever_those_count_elsewhere(database) -> None:
         found.append(network.gate((stage._x - network.input_mean) / network.input_std).detach())
     np.testing.assert_allclose(found[0], found[1], atol=1e-4)
     assert found[0].std(dim=0).max() > 0.01
+
+
+def test_own_sway_is_taken_away_and_that_of_others_added(database) -> None:
+    """Sways of 1 become 0 to 1 less, alike in all of the past and in all of the future; others' of 1 add
+    one amount to both."""
+    data, count = data_of("mann", database, ()), 32
+
+    class Draw(np.random.Generator):
+        """Others are the frame after those of the batch."""
+
+        def integers(self, low, high, size):  # type: ignore[override]
+            return np.full(size, count)
+
+    stage = MannStage(data, settings("mann", sway=1.5))
+    stage.begin()
+    rows = torch.arange(count)
+    true = stage._x[rows]
+
+    def change(own: float, others: float) -> np.ndarray:
+        stage._sways = torch.full_like(stage._sways, others)
+        stage._sways[rows] = own
+        return (stage._told(Draw(np.random.Philox(3)))(true.clone(), rows) - true).numpy()
+
+    columns, past = sway.columns(data.layout), sway.of_past(data.layout)
+    others = np.setdiff1d(np.arange(data.layout.input_size), columns)
+    for moved in (change(1, 0), change(0, 1)):
+        assert (moved[:, others] == 0).all()
+    less = -change(1, 0)[:, columns]
+    assert less.min() >= -1e-5 and less.max() <= 1 + 1e-5 and less.max() > 0.8
+    for part in (past, ~past):
+        np.testing.assert_allclose(less[:, part], less[:, part][:, :1].repeat(part.sum(), 1), atol=1e-5)
+    assert np.abs(less[:, past][:, 0] - less[:, ~past][:, 0]).max() > 0.3
+    more = change(0, 1)[:, columns]
+    np.testing.assert_allclose(more, more[:, :1].repeat(len(columns), 1), atol=1e-5)
+    assert -1.5 - 1e-5 <= more.min() < -1 and 1 < more.max() <= 1.5 + 1e-5
+
+    plain = MannStage(data, settings("mann", sway=0.0))
+    plain.begin()
+    assert torch.equal(plain._told(np.random.default_rng())(true.clone(), rows), true)
 
 
 def test_all_joints_of_a_large_rig_count_and_are_off_as_those_of_an_ordinary_one(kind, database) -> None:

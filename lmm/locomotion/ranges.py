@@ -45,7 +45,7 @@ class Range:
     def of(database: Database, start: int, stop: int) -> Range:
         """Frames start to stop of a database."""
         poses = database.poses[slice(start, stop)]
-        root, yaw = poses.positions[:, 0][:, [0, 2]].astype(np.float64), quat.yaw(poses.rotations[:, 0])
+        root, yaw = roots(poses)
         local, turned = _in_root_space(database.skeleton, poses)
         world, _ = kinematics.forward(
             database.skeleton, poses.positions.astype(np.float64), poses.rotations.astype(np.float64)
@@ -53,6 +53,11 @@ class Range:
         back = quat.inv(quat.from_yaw(yaw.astype(np.float64)))
         moving = quat.rotate(back[:-1, None], np.diff(world[:, 1:], axis=0)) * database.fps
         return Range(root, yaw, local, turned, moving.astype(np.float32))
+
+
+def roots(poses: Poses) -> tuple[NDArray, NDArray]:
+    """Roots' x, z in the world, float64 [T, 2] in metres, and yaws [T] in radians."""
+    return poses.positions[:, 0][:, [0, 2]].astype(np.float64), quat.yaw(poses.rotations[:, 0])
 
 
 def usual_rotations(database: Database) -> Array:
@@ -76,6 +81,16 @@ def _in_root_space(skeleton: Skeleton, poses: Poses) -> tuple[NDArray, NDArray]:
     return local[:, 1:], turned[:, 1:]
 
 
+def spans(database: Database, labels: Labels) -> list[tuple[int, int]]:
+    """First and one past the last frame of the ranges that have vectors: those that the labels do not leave
+    out (`lmm.locomotion.labelling`), of more than two frames. A ValueError where labels are of another number
+    of frames."""
+    if len(labels) != len(database):
+        raise ValueError(f"labels of {len(labels)} frames for a database of {len(database)}")
+    both = zip(database.starts.tolist(), database.stops.tolist(), kept(database, labels), strict=True)
+    return [(start, stop) for start, stop, keep in both if keep and stop - start > 2]
+
+
 def of_all(
     database: Database,
     labels: Labels,
@@ -84,19 +99,15 @@ def of_all(
 ) -> tuple[Array, Array, Frames]:
     """Vectors x [M, I] and y [M, O] of all frames but the first and the last of each range, and which [M].
 
-    vectors gives those of the range from one frame to another. Ranges that are left out of the labels
-    (`lmm.locomotion.labelling`) have none. A ValueError where labels are of another number of frames.
+    vectors gives those of the range from one frame to another. Ranges without any: see `spans`.
     """
-    if len(labels) != len(database):
-        raise ValueError(f"labels of {len(labels)} frames for a database of {len(database)}")
     # Filled range by range: one array of all frames is the most that is held.
-    lengths = np.maximum(database.stops.astype(np.int64) - database.starts - 2, 0) * kept(database, labels)
-    count = int(lengths.sum())
+    found = spans(database, labels)
+    count = sum(stop - start - 2 for start, stop in found)
     x, y = (np.empty((count, size(blocks)), np.float32) for blocks in (layout.inputs, layout.outputs))
     frame, at = np.empty(count, np.int64), 0
-    for start, length in zip(database.starts.tolist(), lengths.tolist(), strict=True):
-        if length:
-            rows = slice(at, at + length)
-            x[rows], y[rows], frame[rows] = vectors(start, start + length + 2)
-            at += length
+    for start, stop in found:
+        rows = slice(at, at + stop - start - 2)
+        x[rows], y[rows], frame[rows] = vectors(start, stop)
+        at = rows.stop
     return x, y, frame

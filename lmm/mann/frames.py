@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +41,22 @@ class Frames:
     frame: NDArray[np.int64]
 
 
+class Way(NamedTuple):
+    """The trajectory around M frames, seen from their roots.
+
+    Attributes
+    ----------
+    path, facing, going : [M, 12, 2], speeds : [M, 12], see `lmm.mann.layout.Inputs`.
+    at : int64 [M, 12], frames of the range that samples are taken of.
+    """
+
+    path: NDArray
+    facing: NDArray
+    going: NDArray
+    speeds: NDArray
+    at: NDArray[np.int64]
+
+
 def frames(database: Database, labels: Labels) -> Frames:
     """Vectors of all frames but the first and the last of each range.
 
@@ -57,19 +74,16 @@ def _range(
     fps, spacing = database.fps, interval(database.fps)
     part = Range.of(database, start, stop)
     root, yaw = part.root, part.yaw
-    # Velocities come from the frame before: where the root goes next is for the network to tell.
-    arriving = np.diff(root, axis=0, prepend=2 * root[:1] - root[1:2]) * fps
-    wanted = wanted_speeds(root, fps)
-
+    arriving = arriving_with(root, fps)
     t = np.arange(1, stop - start - 1)
-    path, facing, at = around(root, yaw, t, spacing * np.arange(-PRESENT, FUTURE))
+    told = way(root, yaw, t, fps)
     x = layout.pack_inputs(
         Inputs(
-            path=path,
-            facing=facing,
-            gaits=labels.gait[start + at],
-            going=ground_plane.directions_to_local(arriving[at], yaw[t]),
-            speeds=wanted[at],
+            path=told.path,
+            facing=told.facing,
+            gaits=labels.gait[start + told.at],
+            going=told.going,
+            speeds=told.speeds,
             positions=part.positions[t - 1],
             rotations=part.rotations[t - 1],
             velocities=part.velocities[t - 1],
@@ -90,6 +104,21 @@ def _range(
         )
     )
     return x, y, start + t
+
+
+def way(root: NDArray, yaw: NDArray, t: NDArray[np.int64], fps: float) -> Way:
+    """What inputs tell of the way of a range's root [T, 2] that faces yaw [T], at frames t [M] of it."""
+    path, facing, at = around(root, yaw, t, interval(fps) * np.arange(-PRESENT, FUTURE))
+    going = ground_plane.directions_to_local(arriving_with(root, fps)[at], yaw[t])
+    return Way(path, facing, going, wanted_speeds(root, fps)[at], at)
+
+
+def arriving_with(root: NDArray, fps: float) -> NDArray:
+    """The velocities [T, 2] with which a root [T, 2] comes to its frames, m/s.
+
+    They come from the frame before: where the root goes next is for the network to tell.
+    """
+    return np.diff(root, axis=0, prepend=2 * root[:1] - root[1:2]) * fps
 
 
 def wanted_speeds(root: NDArray, fps: float) -> Array:

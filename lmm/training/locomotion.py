@@ -69,7 +69,7 @@ class LocomotionData:
 
     def memory(self) -> int:
         """Bytes that a training takes beside the database's file, which the system may drop: most are
-        vectors, of 31 joints 2.6 kB a frame of a phase-functioned network (measured 2.1 to 2.9), 3.7 kB of
+        vectors, of 31 joints 2.6 kB a frame of a phase-functioned network (measured 2.1 to 2.9), 4 kB of
         a mode-adaptive one."""
         numbers = size(self.layout.inputs) + size(self.layout.outputs)
         grounds = 0
@@ -193,7 +193,7 @@ class LocomotionStage:
         rows = torch.from_numpy(self._starts[draw.integers(0, len(self._starts), settings.batch)])
         masks = torch.Generator(self._x.device)
         masks.manual_seed(int(sequence(self._all.seed, self.name, iteration).generate_state(1, np.uint64)[0]))
-        more = self._more(draw)
+        more, told = self._more(draw), self._told(draw)
         grounds = self._data.grounds
         which = None if grounds is None else draw.integers(0, len(grounds), settings.batch)
         terms: list[Tensor] = []
@@ -201,7 +201,7 @@ class LocomotionStage:
         alone = iteration < settings.alone * settings.iterations
         for step in range(1 if alone else settings.window):
             at = (rows + step).to(self._x.device)
-            x, y = self._x[at], self._y[at]
+            x, y = told(self._x[at], at), self._y[at]
             if which is not None:
                 self._data.lay(x, y, rows.numpy(), which, step)
             if found is not None:
@@ -218,6 +218,10 @@ class LocomotionStage:
     def _more(self, draw: np.random.Generator) -> Callable[[Tensor], tuple[Tensor, ...]]:
         """What the network takes beside its inputs, of rows [N]; draw is for what is random in a batch."""
         return lambda rows: ()
+
+    def _told(self, draw: np.random.Generator) -> Callable[[Tensor, Tensor], Tensor]:
+        """What a network is told, of true inputs [N, I] of rows [N]; draw as for `_more`."""
+        return lambda x, rows: x
 
     def _besides(self) -> Mapping[str, Tensor]:
         """What else is made small."""

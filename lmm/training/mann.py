@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+import torch
 from torch import Tensor
 
+from lmm.mann import sway
 from lmm.mann.frames import frames
 from lmm.mann.layout import Layout
 from lmm.mann.model import end_effectors
@@ -22,6 +25,10 @@ class MannData(LocomotionData):
     """A database's frames, of two feet or four."""
 
     layout_type, vectors = Layout, frames
+
+    def memory(self) -> int:
+        """See `LocomotionData.memory`; how frames sway takes room, too."""
+        return super().memory() + 4 * len(sway.columns(self.layout)) * len(self.database)
 
 
 class MannStage(LocomotionStage):
@@ -40,6 +47,7 @@ class MannStage(LocomotionStage):
             name="mann",
         )
         super().__init__(data, network, name="mann", settings=settings, how=how, joint_scale=how.joint_scale)
+        self._own = how
 
     def begin(self) -> None:
         super().begin()
@@ -49,6 +57,29 @@ class MannStage(LocomotionStage):
         velocities = np.repeat(weights, 3)
         scale[layout.inputs["velocities"]] = np.where(velocities > 0, self._joint_scale, 1)
         self.network.heed(1 / scale[self.network.gate_columns.cpu().numpy()])
+
+        if self._own.sway:
+            found = sway.sways(self._data.database, self._data.labels)
+            self._sways = torch.from_numpy(found).to(self._all.device)
+            self._told_columns = torch.from_numpy(sway.columns(layout)).to(self._all.device)
+            self._of_past = sway.of_past(layout)
+
+    def _told(self, draw: np.random.Generator) -> Callable[[Tensor, Tensor], Tensor]:
+        """Inputs with less of their own sway, in the past and in the future by other amounts, and with that
+        of other frames: what is left could still be read, and what is added tells nothing."""
+        if not self._own.sway:
+            return super()._told(draw)
+        count, device = self._own.batch, self._sways.device
+        past, future, added = draw.random((3, count, 1), np.float32)
+        less = torch.from_numpy(np.where(self._of_past, past, future)).to(device)
+        others = torch.from_numpy(draw.integers(0, len(self._sways), count)).to(device)
+        more = torch.from_numpy(self._own.sway * (2 * added - 1)).to(device) * self._sways[others]
+
+        def told(x: Tensor, rows: Tensor) -> Tensor:
+            x[:, self._told_columns] += more - less * self._sways[rows]
+            return x
+
+        return told
 
     def _fed_back(self, x: Tensor, y: Tensor) -> Tensor:
         """See `LocomotionStage._fed_back`; rotations are made whole, as `lmm.mann.steps.show` makes them."""

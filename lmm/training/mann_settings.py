@@ -8,6 +8,8 @@ from typing import Any
 from .locomotion_settings import LocomotionStageSettings, LocomotionTraining, ours
 from .settings import PRESETS, RECIPES, Optimiser, Schedule, check_names, check_range
 
+SWAY = 0.75  # of others, by our recipe
+
 
 @dataclass(frozen=True, kw_only=True)
 class MannStageSettings(LocomotionStageSettings):
@@ -20,6 +22,9 @@ class MannStageSettings(LocomotionStageSettings):
     experts : K, how many weight sets there are.
     gate : width of the gate's two hidden layers.
     joint_scale : what an input's joint counts, against the trajectory; for the gate it is 1 at first.
+    sway : how much of other frames' sway is added at most to what is told of the way, while its own is taken
+        away by up to the whole (`lmm.mann.sway`); 0 tells the way as it is. Who reads from the way where in
+        its step a body is glides on a straight one.
     """
 
     learning_rate: float = 1e-4
@@ -29,6 +34,7 @@ class MannStageSettings(LocomotionStageSettings):
     experts: int = 4
     gate: int = 32
     joint_scale: float = 1.0
+    sway: float = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -37,6 +43,7 @@ class MannStageSettings(LocomotionStageSettings):
             ("experts", 1, 64),
             ("gate", 1, 16_384),
             ("joint_scale", 1e-6, 1e6),
+            ("sway", 0, 10),
         ):
             check_range(name, getattr(self, name), least, most)
 
@@ -78,5 +85,6 @@ def _reference(name: str) -> MannTraining:
 
 
 def _ours(name: str) -> MannTraining:
-    """As all such networks are trained by us, products of bfloat16."""
-    return MannTraining(precision="bfloat16", mann=MannStageSettings(**ours(name), epochs=0, joint_scale=0.3))
+    """As all such networks are trained by us, products of bfloat16; and the way does not tell the step."""
+    stage = MannStageSettings(**ours(name), epochs=0, joint_scale=0.3, sway=SWAY)
+    return MannTraining(precision="bfloat16", mann=stage)
