@@ -299,6 +299,33 @@ def test_roots_are_drawn_to_the_way_asked_by_a_share_of_their_speed(
         np.testing.assert_allclose(went, [0, 1] + share * across, atol=2e-3)
 
 
+@pytest.mark.parametrize("compiled", [True, False])
+@pytest.mark.parametrize("kind", MODELS)
+def test_what_is_put_out_is_followed_up_to_its_bounds(
+    kind: str, compiled: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A network that goes on at 1 m/s goes at 0.4 where that is the most; none is slowed down by more."""
+    monkeypatch.setattr(*HASTY)
+    model = gliding(MODELS[kind](), speed=1.0)
+    column = model.layout.outputs["root_velocity"].start + 1
+    far = np.full(model.layout.output_size, 1e6, np.float32)
+    near = far.copy()
+    near[column] = 0.4
+    command = Command.still(2)
+    command.velocity[:] = 0, 2
+    found = {}
+    for name, most in (("none", None), ("far", far), ("near", near)):
+        bounds = None if most is None else np.stack([-far, most])
+        controller = CONTROLLERS[kind](replace(model, bounds=bounds), count=2, compiled=compiled)
+        for _ in range(20):
+            controller.step(command)
+        found[name] = controller.characters["velocity"].copy(), controller.memory()["statistics"]
+    np.testing.assert_array_equal(found["none"][0], found["far"][0])
+    speeds = {name: np.linalg.norm(velocity, axis=1) for name, (velocity, _) in found.items()}
+    np.testing.assert_allclose(speeds["near"], 0.4 * speeds["far"], rtol=1e-3)
+    assert found["far"][1] - found["none"][1] == 8 * model.layout.output_size
+
+
 @pytest.mark.parametrize("kind", MODELS)
 def test_nobody_is_drawn_anywhere_who_is_asked_to_stand(kind: str) -> None:
     controller, command = CONTROLLERS[kind](MODELS[kind]()), Command.still(1)

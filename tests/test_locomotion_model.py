@@ -18,9 +18,14 @@ from motion.errors import UserError
 @pytest.mark.parametrize("kind", MODELS)
 def test_there_and_back(tmp_path: Path, kind: str, weights) -> None:
     model = MODELS[kind]().as_type(weights)
-    model = replace(model, held_out=("a",), database="ff", ranges=2, frames=7, training={"seed": 1})
+    model.save(tmp_path / "unbound")
+    assert type(model).load(tmp_path / "unbound").bounds is None
+    bounds = np.stack([np.full(model.layout.output_size, most, np.float32) for most in (-2, 3)])
+    more = {"held_out": ("a",), "database": "ff", "ranges": 2, "frames": 7, "training": {"seed": 1}}
+    model = replace(model, bounds=bounds, **more)
     model.save(tmp_path / "m")
     back = type(model).load(tmp_path / "m")
+    np.testing.assert_array_equal(back.bounds, bounds)
     assert back.fingerprint == model.fingerprint != ""
     for name in ("contacts", "held_out", "database", "ranges", "frames", "training", "errors", "layout"):
         assert getattr(back, name) == getattr(model, name)
@@ -67,6 +72,20 @@ def test_a_network_of_another_skeleton_is_refused(kind: str) -> None:
         replace(model, network=NETWORKS[kind](fewer.input_size, 8, fewer.output_size))
     with pytest.raises(ValueError, match="expected"):
         replace(model, contacts=others)
+
+
+@pytest.mark.parametrize("kind", MODELS)
+def test_bounds_that_are_none_are_refused(kind: str) -> None:
+    model = MODELS[kind]()
+    most = np.ones(model.layout.output_size, np.float32)
+    replace(model, bounds=np.stack([most, most]))
+    for wrong, what in (
+        (np.stack([-most, most])[:, 1:], "bounds"),
+        (np.stack([most, -most]), "least"),
+        (np.stack([most, np.nan * most]), "least"),
+    ):
+        with pytest.raises(ValueError, match=what):
+            replace(model, bounds=wrong)
 
 
 def test_a_skeleton_without_a_ground_root_is_refused() -> None:

@@ -108,6 +108,17 @@ def test_the_vectors_take_the_memory_that_is_told(kind, database, data) -> None:
     assert taken < told < 1.1 * taken
 
 
+def test_characters_without_a_phase_follow_as_far_as_the_data_goes(kind, data, trained) -> None:
+    if kind == "pfnn":
+        assert data.bounds() is None and trained.bounds is None
+        return
+    y = data.frames.y
+    least, most = data.bounds()
+    np.testing.assert_array_equal(trained.bounds, data.bounds())
+    assert (least <= y).all() and (y <= most).all()
+    np.testing.assert_allclose(most - least, 1.2 * (y.max(axis=0) - y.min(axis=0)), rtol=1e-5, atol=1e-6)
+
+
 def test_a_network_that_knows_the_data_runs_freely_on_it(kind, data) -> None:
     """Errors are those of what is fed back: 0 for the truth, by as much as joints are off for others."""
     found, layout = data.frames, data.layout

@@ -77,7 +77,7 @@ class LocomotionController:
             raise UserError(f"{count} characters", remedy="ask for one or more")
         self.description, self.layout, self.count = model.description, model.layout, count
         self.network = self._evaluator(model.network, products, count, compiled)
-        self._steps = self.kernels[0 if compiled else 1]
+        self._steps, self._bounds = self.kernels[0 if compiled else 1], model.bounds
         self._kind, self._tells_contacts = model.kind, bool(model.contacts)
         description, layout = model.description, model.layout
         self.skeleton, self.fps = description.skeleton, description.fps
@@ -181,6 +181,8 @@ class LocomotionController:
             self._stand(characters, heights(ground, at[..., 0], at[..., 1]), x)
         self._lap("trajectory")
         y = self._evaluate(characters, x)
+        if self._bounds is not None:
+            kernels.bound(y, self._bounds)
         self._lap("network")
         shown = self._shown
         kernels.show(
@@ -334,7 +336,9 @@ class LocomotionController:
         """Bytes by part: weights, their padding, statistics, room to work in, the state of one character."""
         own = self.network.memory()
         room = sum(array.nbytes for array in (self._turned, self._places, *self._world))
+        bounds = 0 if self._bounds is None else self._bounds.nbytes
         return own | {
+            "statistics": own["statistics"] + bounds,
             "workspace": own["workspace"] + room,
             "state": sum(array.nbytes for array in self._held()) // self.count,
         }

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mm.database import Database
 from mm.description import Description
@@ -29,6 +30,7 @@ class LocomotionModel:
     description : skeleton, rate, feet of the data.
     network : inputs and outputs as `layout` has them, in metres and seconds.
     contacts : what the contacts that are put out are of (`features.labels.Labels.names`).
+    bounds : float32 [2, O], the least and the most of each output that characters follow; None follows all.
     held_out, database, ranges, frames, training, errors, fingerprint : as `lmm.model.Model` has them.
     """
 
@@ -41,6 +43,7 @@ class LocomotionModel:
     description: Description
     network: Any
     contacts: tuple[str, ...]
+    bounds: NDArray[np.float32] | None = None
     held_out: tuple[str, ...] = ()
     database: str = ""
     ranges: int = 0
@@ -104,6 +107,8 @@ class LocomotionModel:
         about, arrays = self.description.to_parts()
         arrays = {f"description.{name}": array for name, array in arrays.items()}
         arrays |= self.network.to_arrays("network.")
+        if self.bounds is not None:
+            arrays["bounds"] = self.bounds
         metadata = {
             "description": about,
             "contacts": list(self.contacts),
@@ -129,6 +134,7 @@ class LocomotionModel:
                 description=Description.from_parts(metadata["description"], of_description),
                 network=cls.network_type.from_arrays("network.", arrays),
                 contacts=tuple(metadata["contacts"]),
+                bounds=arrays.get("bounds"),
                 held_out=tuple(metadata["held_out"]),
                 **parts,
                 fingerprint=fingerprint,
@@ -145,3 +151,7 @@ class LocomotionModel:
                 f"a network of {sizes[0]} inputs and {sizes[-1]} outputs, expected {expected[0]} and "
                 f"{expected[1]} for {self.layout.joints} joints and {self.layout.contacts} contacts"
             )
+        if self.bounds is not None:
+            files.check_shapes({"bounds": self.bounds}, {"bounds": ("float32", (2, expected[1]))})
+            if not (self.bounds[0] <= self.bounds[1]).all():
+                raise ValueError("outputs whose least is not below their most")

@@ -131,6 +131,14 @@ def mean_height(heights):
 
 
 @_jit
+def bound(y, bounds):
+    """Outputs y [N, O] where bounds [2, O] keep them."""
+    for i in range(len(y)):
+        for o in range(y.shape[1]):
+            y[i, o] = min(max(y[i, o], bounds[0, o]), bounds[1, o])
+
+
+@_jit
 def move_joints(c, s, positions, velocities, joints, kept):
     """Mix joints [J, 3] put out, positions and velocities [3 J], with the last frame's moved on.
 

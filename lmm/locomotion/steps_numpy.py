@@ -83,6 +83,11 @@ def _samples(x, start, components):
     return np.swapaxes(x[:, start : start + components * SAMPLES].reshape(len(x), components, SAMPLES), 1, 2)
 
 
+def bound(y, bounds):
+    """See `lmm.locomotion.steps.bound`."""
+    np.clip(y, *bounds, out=y)
+
+
 def move_joints(c, s, positions, velocities, joints, kept):
     """See `lmm.locomotion.steps.move_joints`; of all characters, positions and velocities [N, J, 3]."""
     before, after = (_frames(c[root], c[height]) for root, height in (("shown", "shown_height"),

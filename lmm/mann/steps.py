@@ -18,6 +18,7 @@ from ..kernels import rotation
 from ..locomotion.steps import (
     FUTURE,
     SAMPLES,
+    bound,
     mean_height,
     move_joints,
     move_root,
@@ -27,7 +28,7 @@ from ..locomotion.steps import (
 )
 from ..locomotion.steps import plan as plan_way
 
-__all__ = ["advance", "plan", "sample_points", "show", "stand"]
+__all__ = ["advance", "bound", "plan", "sample_points", "show", "stand"]
 
 _jit = numba.njit(cache=True, nogil=True, error_model="numpy")
 

@@ -6,12 +6,12 @@ import numpy as np
 
 from features import trajectory as ground_plane
 
-from ..locomotion.steps_numpy import move_joints, move_root, put_pose, remember, sample_points
+from ..locomotion.steps_numpy import bound, move_joints, move_root, put_pose, remember, sample_points
 from ..locomotion.steps_numpy import plan as plan_way
 from ..locomotion.window import FUTURE, PRESENT, SAMPLES
 from .layout import from_axes, to_axes
 
-__all__ = ["advance", "plan", "sample_points", "show", "stand"]
+__all__ = ["advance", "bound", "plan", "sample_points", "show", "stand"]
 
 
 def plan(characters, past, head, velocity, yaw, turn_rate, crouch, settings, sums, turns, shares, joints,

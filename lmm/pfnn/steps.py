@@ -15,6 +15,7 @@ from motion.quat_scalar import exp
 from ..locomotion.steps import (
     FUTURE,
     SAMPLES,
+    bound,
     mean_height,
     move_joints,
     move_root,
@@ -24,7 +25,7 @@ from ..locomotion.steps import (
     sample_points,
 )
 
-__all__ = ["advance", "plan", "sample_points", "show", "write_heights"]
+__all__ = ["advance", "bound", "plan", "sample_points", "show", "write_heights"]
 
 _jit = numba.njit(cache=True, nogil=True, error_model="numpy")
 

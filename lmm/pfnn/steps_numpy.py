@@ -6,10 +6,10 @@ import numpy as np
 
 from motion import quat
 
-from ..locomotion.steps_numpy import move_joints, move_root, plan, put_pose, remember, sample_points
+from ..locomotion.steps_numpy import bound, move_joints, move_root, plan, put_pose, remember, sample_points
 from ..locomotion.window import FUTURE, SAMPLES, SIDES
 
-__all__ = ["advance", "plan", "sample_points", "show", "write_heights"]
+__all__ = ["advance", "bound", "plan", "sample_points", "show", "write_heights"]
 
 
 def write_heights(characters, heights, into, x):

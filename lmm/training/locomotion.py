@@ -77,6 +77,10 @@ class LocomotionData:
             grounds = self.grounds.nbytes + 4 * numbers * len(PARTS) * (JUDGED + RUNS * HORIZONS[-1])
         return 4 * numbers * len(self.database) + grounds + WORK + LIBRARIES
 
+    def bounds(self) -> NDArray[np.float32] | None:
+        """The least and the most of outputs that characters follow, [2, O], if they do not follow all."""
+        return None
+
     def lay(self, x: Any, y: Any, rows: NDArray[np.int64], which: NDArray[np.int64], steps: Any = 0) -> None:
         """Put x [N, I] and y [N, O], steps after rows [N] of `frames`, on the rows' grounds which [N]."""
         assert self.grounds is not None

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from lmm.mann import sway
@@ -20,6 +21,8 @@ from .mann_settings import MannStageSettings, MannTraining
 from .mixed_networks import ExpertLayers
 from .rotations import orthonormal
 
+BEYOND = 0.1  # of the range of an output in the data, as far as characters follow beyond it
+
 
 class MannData(LocomotionData):
     """A database's frames, of two feet or four."""
@@ -29,6 +32,12 @@ class MannData(LocomotionData):
     def memory(self) -> int:
         """See `LocomotionData.memory`; how frames sway takes room, too."""
         return super().memory() + 4 * len(sway.columns(self.layout)) * len(self.database)
+
+    def bounds(self) -> NDArray[np.float32]:
+        """Those of the data, and a tenth of their range beyond. Without a phase that leads it back, a network
+        that is asked for what it never saw answers with more and more of it."""
+        least, most = self.frames.y.min(axis=0), self.frames.y.max(axis=0)
+        return np.stack([least - BEYOND * (most - least), most + BEYOND * (most - least)])
 
 
 class MannStage(LocomotionStage):

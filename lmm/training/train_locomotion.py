@@ -90,6 +90,7 @@ def train(
         description=Description.of(database),
         network=stage.network.network(),
         contacts=found.names,
+        bounds=data.bounds(),
         held_out=held_out,
         database=database.fingerprint,
         ranges=len(database.starts),
