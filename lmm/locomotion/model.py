@@ -154,4 +154,4 @@ class LocomotionModel:
         if self.bounds is not None:
             files.check_shapes({"bounds": self.bounds}, {"bounds": ("float32", (2, expected[1]))})
             if not (self.bounds[0] <= self.bounds[1]).all():
-                raise ValueError("outputs whose least is not below their most")
+                raise ValueError("bounds whose least is above their most")
